@@ -1,0 +1,194 @@
+"""The scene that every other module reads: frozen dataclasses of NumPy arrays.
+
+Units are glTF's: metres, radians, linear Rec.709, Y up, right-handed. Matrices are (4, 4) float64, act on
+column vectors, and are named to-from (`world_from_local`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64 = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+UInt32 = NDArray[np.uint32]
+UInt8 = NDArray[np.uint8]
+
+
+class AlphaMode(StrEnum):
+    OPAQUE = "OPAQUE"
+    MASK = "MASK"
+    BLEND = "BLEND"
+
+
+class Wrap(StrEnum):
+    REPEAT = "repeat"
+    MIRROR = "mirror"
+    CLAMP = "clamp"
+
+
+class LightKind(StrEnum):
+    DIRECTIONAL = "directional"
+    POINT = "point"
+    SPOT = "spot"
+
+
+@dataclass(frozen=True)
+class Image:
+    """Decoded pixels, (height, width, 4) uint8, row 0 on top, as stored (colour images are sRGB-encoded)."""
+
+    name: str
+    pixels: UInt8
+
+
+@dataclass(frozen=True)
+class Texture:
+    """An image with its sampler."""
+
+    image: int
+    wrap_u: Wrap = Wrap.REPEAT
+    wrap_v: Wrap = Wrap.REPEAT
+    linear: bool = True
+
+
+@dataclass(frozen=True)
+class TextureUse:
+    """A texture as a material uses it: which texture, which texture coordinates, and their transform.
+
+    `transform` is the (3, 3) matrix of KHR_texture_transform, acting on (u, v, 1); v runs downward.
+    """
+
+    texture: int
+    texcoord: int = 0
+    transform: Float64 = field(default_factory=lambda: np.eye(3))
+
+
+@dataclass(frozen=True)
+class Material:
+    """glTF metallic-roughness material; factors are linear, `emission` already holds its strength."""
+
+    name: str = "default"
+    base_color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    base_color_texture: TextureUse | None = None
+    metallic: float = 1.0
+    roughness: float = 1.0
+    metallic_roughness_texture: TextureUse | None = None
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    emission_texture: TextureUse | None = None
+    alpha_mode: AlphaMode = AlphaMode.OPAQUE
+    alpha_cutoff: float = 0.5
+    double_sided: bool = False
+    unlit: bool = False
+    transmission: float = 0.0
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """One glTF primitive: triangles of one material in their own local space.
+
+    positions (n, 3) float64, normals (n, 3) float64 of unit length (computed where the file has none),
+    texcoords one (n, 2) float64 for each set, colors (n, 4) float64 linear or None, triangles (m, 3) uint32.
+    """
+
+    name: str
+    positions: Float64
+    normals: Float64
+    triangles: UInt32
+    material: int
+    texcoords: tuple[Float64, ...] = ()
+    colors: Float64 | None = None
+
+
+@dataclass(frozen=True)
+class Node:
+    """A node of the graph; `parent` is -1 for a root."""
+
+    name: str
+    parent: int
+    local: Float64
+    world_from_local: Float64
+
+
+@dataclass(frozen=True)
+class Instance:
+    """A mesh drawn at a place. A skinned or morphed mesh is posed already and has the identity."""
+
+    mesh: int
+    node: int
+    world_from_local: Float64
+
+
+@dataclass(frozen=True)
+class Light:
+    """A punctual light: lux and candela read as W/m2 and W/sr. It shines along local -Z."""
+
+    name: str
+    kind: LightKind
+    color: tuple[float, float, float]
+    intensity: float
+    world_from_local: Float64
+    range: float = float("inf")
+    inner_cone_angle: float = 0.0
+    outer_cone_angle: float = np.pi / 4
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera looking along local -Z. Perspective when `yfov` is given, else orthographic with `ymag`."""
+
+    name: str
+    world_from_local: Float64
+    yfov: float | None = None
+    ymag: float | None = None
+    aspect_ratio: float | None = None
+    znear: float = 0.01
+    zfar: float | None = None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A whole file. `repairs` counts what was mended, `ignored` names what was left out; neither is silent."""
+
+    source: Path
+    meshes: tuple[Mesh, ...] = ()
+    materials: tuple[Material, ...] = ()
+    textures: tuple[Texture, ...] = ()
+    images: tuple[Image, ...] = ()
+    nodes: tuple[Node, ...] = ()
+    instances: tuple[Instance, ...] = ()
+    lights: tuple[Light, ...] = ()
+    cameras: tuple[Camera, ...] = ()
+    extensions: tuple[str, ...] = ()
+    repairs: dict[str, int] = field(default_factory=dict)
+    ignored: tuple[str, ...] = ()
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles drawn: each mesh counted once for each instance."""
+        return sum(len(self.meshes[i.mesh].triangles) for i in self.instances)
+
+    def bounds(self) -> tuple[Float64, Float64]:
+        """Corners (3,), (3,) of the world-space box around every drawn triangle.
+
+        Raises:
+            ValueError: nothing is drawn.
+        """
+        lower, upper = np.full(3, np.inf), np.full(3, -np.inf)
+        for instance in self.instances:
+            mesh = self.meshes[instance.mesh]
+            if len(mesh.triangles) == 0:
+                continue
+            points = transform_points(instance.world_from_local, mesh.positions[np.unique(mesh.triangles)])
+            lower, upper = np.minimum(lower, points.min(axis=0)), np.maximum(upper, points.max(axis=0))
+        if not np.all(lower <= upper):
+            raise ValueError(f"{self.source}: the scene draws no triangle, so it has no bounds")
+        return lower, upper
+
+
+def transform_points(matrix: Float64, points: Float64) -> Float64:
+    """Points (n, 3) through an affine (4, 4) matrix."""
+    return points @ matrix[:3, :3].T + matrix[:3, 3]

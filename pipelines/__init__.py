@@ -1,0 +1,1 @@
+"""Whole jobs: convert, render, compare; the only package that parses arguments or prints."""

@@ -1,0 +1,1 @@
+"""Scenes and primitive sets to frames: the wgpu renderer and its global illumination techniques."""
