@@ -1,0 +1,1 @@
+// Generated from runtime/layouts.py by `python -m runtime.structs`: edit the classes instead.

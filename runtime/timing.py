@@ -1,0 +1,86 @@
+"""GPU milliseconds of each pass, from timestamp queries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import wgpu
+
+from runtime.device import Gpu
+
+MAX_PASSES = 2048  # between two calls of `results`; wgpu allows 4096 queries in a set
+
+
+class Timer:
+    """Times passes by label. A device without timestamp queries gives None for each."""
+
+    def __init__(self, gpu: Gpu) -> None:
+        self._gpu = gpu
+        self._labels: list[str] = []
+        self._queries: Any = None
+        if "timestamp-query" in gpu.features:
+            self._queries = gpu.wgpu_device.create_query_set(type="timestamp", count=2 * MAX_PASSES)
+            usage = wgpu.BufferUsage.QUERY_RESOLVE | wgpu.BufferUsage.COPY_SRC
+            self._resolved = gpu.wgpu_device.create_buffer(
+                size=16 * MAX_PASSES, usage=usage, label="timestamps"
+            )
+
+    @contextmanager
+    def compute_pass(self, encoder: Any, label: str) -> Iterator[Any]:
+        """A compute pass of the encoder that is timed under `label` and ended on leaving the block."""
+        compute_pass = encoder.begin_compute_pass(label=label, timestamp_writes=self._writes(label))
+        try:
+            yield compute_pass
+        finally:
+            compute_pass.end()
+
+    @contextmanager
+    def render_pass(
+        self, encoder: Any, label: str, color_attachments: list[Any], depth_stencil_attachment: Any = None
+    ) -> Iterator[Any]:
+        """The same for a render pass with wgpu's attachments."""
+        render_pass = encoder.begin_render_pass(
+            label=label,
+            color_attachments=color_attachments,
+            depth_stencil_attachment=depth_stencil_attachment,
+            timestamp_writes=self._writes(label),
+        )
+        try:
+            yield render_pass
+        finally:
+            render_pass.end()
+
+    def _writes(self, label: str) -> dict[str, Any] | None:
+        if len(self._labels) == MAX_PASSES:  # nobody reads the results: forget them
+            self._labels.clear()
+        first = 2 * len(self._labels)
+        self._labels.append(label)
+        if self._queries is None:
+            return None
+        return {
+            "query_set": self._queries,
+            "beginning_of_pass_write_index": first,
+            "end_of_pass_write_index": first + 1,
+        }
+
+    def results(self) -> dict[str, float | None]:
+        """Milliseconds of the passes submitted since the last call, in order of first use, those of one label added up.
+
+        Waits until the GPU has run them."""
+        labels, self._labels = self._labels, []
+        if self._queries is None or not labels:
+            return dict.fromkeys(labels)
+        encoder = self._gpu.wgpu_device.create_command_encoder(label="timestamps")
+        encoder.resolve_query_set(self._queries, 0, 2 * len(labels), self._resolved, 0)
+        self._gpu.queue.submit([encoder.finish()])
+        ticks = np.frombuffer(self._gpu.queue.read_buffer(self._resolved, 0, 16 * len(labels)), np.uint64)
+        elapsed = (
+            ticks[1::2].astype(np.int64) - ticks[0::2].astype(np.int64)
+        ) * 1e-6  # wgpu-native gives nanoseconds
+        totals: dict[str, float | None] = {}
+        for label, milliseconds in zip(labels, elapsed.tolist(), strict=True):
+            totals[label] = (totals.get(label) or 0.0) + milliseconds
+        return totals
