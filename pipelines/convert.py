@@ -1,0 +1,215 @@
+"""`sdfprim convert`: glTF files to primitive sets, one report for all of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pipelines.documents import report_header, write_json
+from pipelines.errors import UsageError
+from pipelines.naming import result_names
+from pipelines.worker import Progress, run_isolated
+
+Preset = Literal["coarse", "fine"]
+
+RESULT_SUFFIXES = (".prims.glb", ".prims.npz")
+
+EMPTY_ROW: dict[str, Any] = {
+    "name": None,
+    "status": "failed",
+    "error": None,
+    "primitives": None,
+    "kinds": None,
+    "bytes": None,
+    "seconds": None,
+    "peak_rss_mb": None,
+    "metrics": None,
+    "air": [],
+    "repairs": {},
+    "ignored": [],
+    "skipped_parts": [],
+    "notes": [],
+    "stages": {},
+}
+"""Every row of the report has these keys; a failed one keeps the values that it has here."""
+
+
+@dataclass(frozen=True)
+class ConvertSettings:
+    """What `convert` was asked for: `air` is `outside` or `x,y,z`, metres; `timeout` is seconds a file."""
+
+    files: tuple[Path, ...]
+    output: Path
+    max_primitives: int | None = None
+    max_bytes: int | None = None
+    max_error: float | None = None
+    preset: Preset | None = None
+    air: tuple[str, ...] = ()
+    scale: float = 1.0
+    seed: int = 0
+    timeout: float = 900.0
+
+
+@dataclass(frozen=True)
+class FileProgress:
+    """What is at work now: which file of how many, and the stage of it."""
+
+    index: int
+    count: int
+    name: str
+    stage: str
+    fraction: float
+
+
+def run(
+    settings: ConvertSettings,
+    progress: Callable[[FileProgress], None] | None = None,
+    finished: Callable[[dict[str, Any]], None] | None = None,
+) -> dict[str, Any]:
+    """Converts every file and returns the report, which also lies in `output/report.json` after each file.
+
+    Nothing that a file does stops the others: each is converted in a process of its own.
+
+    Raises:
+        UsageError: a file is missing, or the options make no sense.
+    """
+    check(settings)
+    names = _names(settings.files)
+    _keep_inputs(settings, names)
+    _make_folder(settings.output)
+    assets: list[dict[str, Any]] = []
+    report = report_header("convert", settings, settings.seed) | {"assets": assets}
+    for index, (file, name) in enumerate(zip(settings.files, names, strict=True)):
+
+        def at_stage(stage: str, fraction: float, index: int = index, name: str = name) -> None:
+            if progress:
+                progress(FileProgress(index, len(names), name, stage, fraction))
+
+        assets.append(convert_isolated(file, name, settings, at_stage))
+        write_json(settings.output / "report.json", report)
+        if finished:
+            finished(assets[-1])
+    return report
+
+
+def check(settings: ConvertSettings) -> None:
+    """Raises UsageError for what can be seen to be wrong before any file is opened."""
+    from fit.air import parse_seed
+
+    if not settings.files:
+        raise UsageError("no file given: name at least one .gltf or .glb")
+    for file in settings.files:
+        require_file(file)
+    for text in settings.air:
+        try:
+            parse_seed(text)
+        except ValueError as error:
+            raise UsageError(f"--air {text}: {error}") from error
+    for option, value in (
+        ("--max-primitives", settings.max_primitives),
+        ("--max-bytes", settings.max_bytes),
+        ("--max-error", settings.max_error),
+        ("--scale", settings.scale),
+        ("--timeout", settings.timeout),
+    ):
+        if value is not None and not 0 < value < float("inf"):
+            raise UsageError(f"{option} {value}: give a number above zero")
+
+
+def require_file(file: Path) -> None:
+    """Raises UsageError unless `file` is a file."""
+    if file.is_dir():
+        raise UsageError(f"{file} is a folder: name the .gltf or .glb in it")
+    if not file.is_file():
+        raise UsageError(f"{file}: no such file; check the path (relative ones start at {Path.cwd()})")
+
+
+def convert_isolated(file: Path, name: str, settings: ConvertSettings, progress: Progress) -> dict[str, Any]:
+    """One row of the report, from a process of its own; failures of every sort are rows too."""
+    outcome = run_isolated(convert_file, file, name, settings, timeout=settings.timeout, progress=progress)
+    row = {"source": file.as_posix()} | EMPTY_ROW | {"name": name}
+    if outcome.error is None:
+        row |= outcome.result | {"status": "ok"}
+    else:
+        row["error"] = outcome.error
+    return row | {"seconds": round(outcome.seconds, 3), "peak_rss_mb": outcome.peak_rss_mb}
+
+
+def convert_file(file: Path, name: str, settings: ConvertSettings, progress: Progress) -> dict[str, Any]:
+    """Loads, fits and writes `output/<name>.prims.glb` and `.npz`; what it learnt, as a row's keys."""
+    from fit import export, gltf
+
+    progress("load", 0.0)
+    scene = gltf.load(file, scale=settings.scale)
+    result = fit_scene(scene, settings, progress)
+    progress("write", 0.0)
+    for suffix in RESULT_SUFFIXES:
+        export.write(result.primitives, settings.output / f"{name}{suffix}")
+    return describe_fit(result) | {"repairs": scene.repairs, "ignored": list(scene.ignored)}
+
+
+def fit_scene(scene: Any, settings: ConvertSettings, progress: Progress | None = None) -> Any:
+    """`fit.solve.fit` with the settings of the command."""
+    from fit import solve
+
+    return solve.fit(
+        scene,
+        solve.FitSettings(
+            max_primitives=settings.max_primitives,
+            max_bytes=settings.max_bytes,
+            max_error=settings.max_error,
+            preset=settings.preset,
+            air=settings.air,
+            seed=settings.seed,
+        ),
+        progress=progress,
+    )
+
+
+def describe_fit(result: Any) -> dict[str, Any]:
+    """A row's keys that follow from a `fit.solve.Fit`."""
+    return describe_primitives(result.primitives) | {
+        "metrics": asdict(result.metrics),
+        "air": [asdict(space) for space in result.air.spaces],
+        "skipped_parts": list(result.skipped_parts),
+        "notes": list(result.notes),
+        "stages": {stage: round(seconds, 3) for stage, seconds in result.seconds.items()},
+    }
+
+
+def describe_primitives(primitives: Any) -> dict[str, Any]:
+    """Count, count of each kind, and bytes on the GPU."""
+    from fit.primitives import GPU_RECORD_BYTES, Kind
+
+    counts = Counter(int(kind) for kind in primitives.kinds)
+    return {
+        "primitives": len(primitives),
+        "kinds": {kind.name.lower(): counts[kind.value] for kind in Kind},
+        "bytes": len(primitives) * GPU_RECORD_BYTES,
+    }
+
+
+def _names(files: tuple[Path, ...]) -> list[str]:
+    try:
+        return result_names(files)
+    except ValueError as error:
+        raise UsageError(f"{error}: name each file once") from error
+
+
+def _keep_inputs(settings: ConvertSettings, names: list[str]) -> None:
+    results = {
+        (settings.output / f"{name}{suffix}").resolve() for name in names for suffix in RESULT_SUFFIXES
+    }
+    for file in settings.files:
+        if file.resolve() in results:
+            raise UsageError(f"-o {settings.output}: {file} would be overwritten; name another folder")
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"-o {folder}: {error.strerror}; name a folder that can be written") from error
