@@ -1,4 +1,4 @@
-"""Opens a GPU: chooses the adapter, asks for the features and limits that the kernels rely on, and checks them."""
+"""Opens a GPU: chooses the adapter, asks for the features and limits that kernels rely on, checks them."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from runtime.bindgroups import BindGroups
 
 ADAPTER_VARIABLE = "SDFPRIM_ADAPTER"
 
-# The defaults of WebGPU, except as noted, so that what runs here runs everywhere: wgpu-py would otherwise hand out all
-# that the adapter has, and hide a kernel that asks for too much.
+# The defaults of WebGPU, except as noted, so that what runs here runs everywhere: wgpu-py would otherwise
+# grant all that the adapter has, and hide a kernel that asks for too much.
 LIMITS = {
     "max-texture-dimension-1d": 8192,
     "max-texture-dimension-2d": 8192,
@@ -87,9 +87,9 @@ class Gpu:
 def open_device(adapter: str | None = None) -> Gpu:
     """Opens the best adapter: discrete before integrated before software, native interfaces before OpenGL.
 
-    `adapter` (or the environment variable SDFPRIM_ADAPTER) is a part of the adapter's name that must match, whatever
-    its case. Raises NoAdapter when there is none, with the remedy or the names of those that there are, and when the
-    adapter lacks a limit.
+    `adapter` (or else the environment variable SDFPRIM_ADAPTER) is a part of the adapter's name, in any case.
+    Raises NoAdapter when there is none, with the remedy or the names of those that there are, and when the
+    adapter is too small.
     """
     chosen = _choose(adapter or os.environ.get(ADAPTER_VARIABLE) or "")
     _check_limits(chosen.summary, chosen.limits)

@@ -44,8 +44,11 @@ class Recorder:
         clear_color: Color | Sequence[Color] | None = (0.0, 0.0, 0.0, 0.0),
         clear_depth: float | None = 1.0,
     ) -> Iterator[Any]:
-        """A timed render pass into mip 0 of `colors` and `depth`, cleared first (one colour for all, or one each);
-        None keeps what is there."""
+        """A timed render pass into mip 0 of `colors` and `depth`.
+
+        They are cleared first, `clear_color` being one colour for all targets or one for each; None keeps
+        what is there.
+        """
         clears = _colors(clear_color, len(colors))
         attachments = [
             _attachment(_target_view(target), clear) for target, clear in zip(colors, clears, strict=True)

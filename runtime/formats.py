@@ -9,8 +9,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Format:
-    """`channels` values of `dtype` a texel. `sample_type` as in the bind group layout. `storage`: WebGPU's core allows
-    storage textures of it; `renderable`: render targets."""
+    """`channels` values of `dtype` a texel, of WebGPU's `sample_type`.
+
+    `storage`, `renderable`: whether every device has storage textures and render targets of it.
+    """
 
     dtype: np.dtype
     channels: int

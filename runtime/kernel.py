@@ -84,8 +84,8 @@ class _Program:
 class Kernel(_Program):
     """The compute kernel `shaders/<name>.wgsl`, whose entry point is `main`.
 
-    `constants` sets its `override`s, `aliases` its import aliases. Raises WgslError, naming file and line, when it does
-    not compile, and ValueError for a constant that it does not have.
+    `constants` sets its `override`s, `aliases` its import aliases. Raises WgslError, naming file and line,
+    when it does not compile, and ValueError for a constant that it does not have.
     """
 
     def __init__(
@@ -124,15 +124,16 @@ class Kernel(_Program):
     ) -> None:
         """Runs `groups` workgroups with resources bound by name.
 
-        `shared` dicts (the world's, the frame's) may hold more than the kernel binds; the keywords may not. Raises
-        TypeError for a name that is missing or unknown and for a resource that does not fit its declaration, ValueError
-        for more workgroups than WebGPU allows.
+        `shared` dicts (the world's, the frame's) may hold more than the kernel binds; the keywords may not.
+        Raises TypeError for a name that is missing or unknown and for a resource that does not fit its
+        declaration, ValueError for more workgroups than WebGPU allows.
         """
         counts = (groups,) if isinstance(groups, int | np.integer) else tuple(groups)
         x, y, z = (int(count) for count in (*counts, 1, 1)[:3])
         if max(x, y, z) > MAX_WORKGROUPS or min(x, y, z) < 0:
             raise ValueError(
-                f"{self.name}: {x} x {y} x {z} workgroups; WebGPU allows {MAX_WORKGROUPS} on an axis: use two axes"
+                f"{self.name}: {x} x {y} x {z} workgroups;"
+                f" WebGPU allows {MAX_WORKGROUPS} on an axis: use two axes"
             )
         compute_pass.set_pipeline(self.pipeline)
         self._bind(compute_pass, shared, bindings)
@@ -154,11 +155,12 @@ class Kernel(_Program):
 
 
 class RasterKernel(_Program):
-    """The raster kernel `shaders/<name>.wgsl`: its @vertex entry point and, unless only depth is drawn, its @fragment one.
+    """The raster kernel `shaders/<name>.wgsl`: entry points `vertex_main` and, for colours, `fragment_main`.
 
-    `targets`: a format for each colour target, or wgpu's dict (format, blend, write_mask). `depth`: the format of the
-    depth target or None. `vertex_buffers`: a structured dtype for each buffer, whose fields take the shader locations
-    0, 1, ... in order, through all buffers; or wgpu's dict. `cull`: none, front or back, counter-clockwise in front.
+    `targets`: a format for each colour target, or wgpu's dict (format, blend, write_mask). `depth`: the
+    format of the depth target, or None. `vertex_buffers`: a structured dtype for each buffer, whose fields
+    take the shader locations 0, 1, ... in order, through all buffers; or wgpu's dict. `cull`: none, front or
+    back; counter-clockwise triangles show their front. Errors as in `Kernel`.
     """
 
     def __init__(
@@ -211,7 +213,7 @@ class RasterKernel(_Program):
             raise WgslError(self.shader.explain(str(error))) from error
 
     def bind(self, render_pass: Any, /, *shared: Mapping[str, Resource], **bindings: Resource) -> None:
-        """Makes the pass draw with this kernel and these resources; arguments and errors as in `Kernel.dispatch`."""
+        """Makes the pass draw with this kernel and these resources; errors as in `Kernel.dispatch`."""
         render_pass.set_pipeline(self.pipeline)
         self._bind(render_pass, shared, bindings)
 
@@ -236,7 +238,7 @@ def vertex_layouts(buffers: Sequence[Any]) -> list[dict[str, Any]]:
         dtype = np.dtype(buffer)
         attributes = []
         for field in dtype.names or ():
-            base, offset = dtype.fields[field][:2]  # type: ignore[index]
+            base, offset = dtype.fields[field][:2]
             attributes.append({"format": _vertex_format(base), "offset": offset, "shader_location": location})
             location += 1
         layouts.append({"array_stride": dtype.itemsize, "step_mode": "vertex", "attributes": attributes})

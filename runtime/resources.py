@@ -49,8 +49,9 @@ def _as_bytes(data: Any) -> bytes | np.ndarray:
 class Buffer:
     """A buffer of `data` bytes (an int) or with `data`'s contents (an array, a packed struct, bytes).
 
-    `usage`: words of storage, uniform, vertex, index, indirect, joined by `|`; copying is always allowed. Sizes are
-    rounded up to 4 bytes (16 for uniforms); the padding is zero.
+    `usage`: words of storage, uniform, vertex, index, indirect, joined by `|`; copying is always allowed.
+    Sizes are rounded up to 4 bytes (16 for uniforms); the padding is zero. Raises ValueError for an empty
+    buffer, because it could not be bound.
     """
 
     def __init__(self, gpu: Gpu, data: Any, usage: str = "storage", *, label: str = "") -> None:
@@ -93,8 +94,11 @@ class Buffer:
     def read(
         self, dtype: Any = None, shape: int | Sequence[int] | None = None, *, offset: int = 0
     ) -> np.ndarray:
-        """The contents once all submitted work is done, as an array; by default with the type and shape of the array
-        that the buffer was made from, else all of it as uint8."""
+        """The contents once all submitted work is done.
+
+        By default with the type and shape of the array that the buffer was made from, else all of it as
+        uint8. Raises ValueError past the end.
+        """
         if dtype is None:
             dtype = np.uint8 if self.dtype is None else self.dtype
             shape = self.shape if shape is None else shape
@@ -130,11 +134,12 @@ class TextureView:
 class Texture:
     """A texture of `size` (width, height[, depth or layers]) texels.
 
-    `dimension`: 2d, 3d, 2d-array or cube; by default 2d for a size of two numbers and 3d for three. `usage`: words of
-    sample, storage, render, joined by `|`; by default all that the format allows. `data` fills mip 0.
+    `dimension`: 2d, 3d, 2d-array or cube; by default 2d for a size of two numbers and 3d for three.
+    `usage`: words of sample, storage, render, joined by `|`; by default all that the format allows.
+    `data` fills mip 0.
 
-    Arrays are (height, width, channels) or (depth or layers, height, width, channels), of the format's own type
-    (rgba16float: float16); formats of one channel have no channel axis.
+    Arrays are (height, width, channels) or (depth or layers, height, width, channels), of the format's own
+    type (rgba16float: float16); formats of one channel have no channel axis.
     """
 
     def __init__(
@@ -186,7 +191,7 @@ class Texture:
         return self.view().binding
 
     def view(self, mip: int | None = None, layer: int | None = None) -> TextureView:
-        """The whole texture, or one mip, or one layer of an array as a 2D texture. Asking twice gives the same one."""
+        """The whole texture, or one mip, or one layer of an array as a 2D texture; the same each time."""
         key = (mip, layer)
         if key not in self._views:
             dimension = self.dimension if layer is None else "2d"
@@ -261,9 +266,10 @@ class Texture:
 
 
 class Sampler:
-    """Linear or nearest filtering; `address` (clamp-to-edge, repeat, mirror-repeat) is one for all axes or one each.
+    """How a texture is filtered (linear, nearest) and continued past its edges.
 
-    `compare` (less, less-equal, greater ...) makes a `sampler_comparison`.
+    `address` (clamp-to-edge, repeat, mirror-repeat) is one for all axes or one for each. `compare` (less,
+    less-equal, greater ...) makes a `sampler_comparison`.
     """
 
     def __init__(

@@ -137,7 +137,7 @@ class Field:
         element = self.type.layout.dtype
         if self.is_padded_array:
             element = np.dtype(
-                {"names": ["value"], "formats": [element], "itemsize": self.type.layout.stride}  # type: ignore[call-overload]
+                {"names": ["value"], "formats": [element], "itemsize": self.type.layout.stride}
             )
         return element if self.count is None else np.dtype((element, (self.count,)))
 

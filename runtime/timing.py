@@ -67,9 +67,10 @@ class Timer:
         }
 
     def results(self) -> dict[str, float | None]:
-        """Milliseconds of the passes submitted since the last call, in order of first use, those of one label added up.
+        """Milliseconds of the passes since the last call, in order of first use, those of one label added up.
 
-        Waits until the GPU has run them."""
+        Call it after submitting them; it waits until the GPU has run them.
+        """
         labels, self._labels = self._labels, []
         if self._queries is None or not labels:
             return dict.fromkeys(labels)

@@ -1,10 +1,12 @@
 """Loads a kernel's WGSL: splices its imports, keeps a map back to the files, reads its bindings.
 
 `import package::lib::sdf::{sd_box, sd_sphere};` (the import statement of WESL, https://wesl-lang.dev) splices
-`shaders/lib/sdf.wgsl` whole and once, before the module that asks for it; the names are checked to exist there. Modules
-share one name space, so a name is declared once in all the modules of a kernel. `package::structs` holds the generated
-structs, of which only the named ones (and what they contain) are spliced. An alias replaces the first part of a path:
-with `aliases={"technique": "sdfddgi"}`, `package::technique::lookup` is `shaders/sdfddgi/lookup.wgsl`.
+`shaders/lib/sdf.wgsl` whole and once, before the module that asks for it; the names are checked to exist
+there. Modules share one name space, so a name is declared once in all the modules of a kernel.
+
+`package::structs` holds the generated structs, of which only the named ones (and what they contain) are
+spliced. An alias replaces the first part of a path: with `aliases={"technique": "sdfddgi"}`,
+`package::technique::lookup` is `shaders/sdfddgi/lookup.wgsl`.
 """
 
 from __future__ import annotations
@@ -83,7 +85,7 @@ def _faulty_line(message: str) -> int | None:
 
 
 def load(name: str, aliases: Mapping[str, str] | None = None, root: Path = SHADERS) -> Shader:
-    """The kernel `root/name.wgsl` with its imports. Raises WgslError naming file and line of what is wrong."""
+    """The kernel `root/<name>.wgsl` with its imports. Raises WgslError naming file and line of a fault."""
     splicer = _Splicer(root, dict(aliases or {}))
     splicer.visit(tuple(name.split("/")), f"kernel {name}")
     return splicer.shader(name)
@@ -222,16 +224,15 @@ def _read_shader(name: str, code: str, line_map: tuple[tuple[Path, int], ...]) -
 
     try:
         bindings = syntax.parse_bindings(bare)
+        entry_points = syntax.parse_entry_points(bare)
     except syntax.SyntaxFault as fault:
         raise WgslError(f"{place(fault.line)}: {fault}") from fault
     slots: dict[tuple[int, int], Binding] = {}
     for binding in bindings:
         other = slots.setdefault((binding.group, binding.index), binding)
         if other is not binding:
+            slot = f"@group({binding.group}) @binding({binding.index})"
             raise WgslError(
-                f"{place(binding.line)}: {binding.name} takes @group({binding.group}) @binding({binding.index}),"
-                f" which {other.name} has taken in {place(other.line)}"
+                f"{place(binding.line)}: {binding.name} takes {slot} of {other.name} in {place(other.line)}"
             )
-    return Shader(
-        name, code, line_map, bindings, syntax.parse_overrides(bare), syntax.parse_entry_points(bare)
-    )
+    return Shader(name, code, line_map, bindings, syntax.parse_overrides(bare), entry_points)

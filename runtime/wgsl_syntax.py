@@ -34,9 +34,12 @@ SAMPLE_TYPES = {"f32": "float", "i32": "sint", "u32": "uint"}
 class Binding:
     """One `@group @binding` resource.
 
-    `kind`: uniform, storage, texture, storage_texture or sampler. `access`: read, write or read_write (storage buffers
-    and storage textures). `format`: of a storage texture. `dimension` and `sample_type` (float, unfilterable-float, sint,
-    uint, depth): of textures. `comparison`: of samplers. `line`: in the spliced text.
+    kind: uniform, storage, texture, storage_texture or sampler.
+    access: read, write or read_write, of storage buffers and storage textures.
+    format: of storage textures.
+    dimension, sample_type (float, unfilterable-float, sint, uint, depth): of textures.
+    comparison: of samplers.
+    line: in the spliced text.
     """
 
     group: int
@@ -214,9 +217,10 @@ def _binding(
 
 
 def is_filtered(name: str, text: str) -> bool:
-    """Whether a texture may meet a sampler: whether the text names it anywhere but in textureLoad and its size queries.
+    """Whether a texture may meet a sampler: the text names it elsewhere than in textureLoad and size queries.
 
-    A texture that is only loaded accepts every float format, filterable or not."""
+    A texture that is only loaded accepts every float format, filterable or not.
+    """
     uses = len(re.findall(rf"(?<![.\w]){name}\b", text)) - 1  # less its declaration
     plain = len(
         re.findall(rf"\btexture(?:Load|Dimensions|NumLevels|NumLayers|NumSamples)\s*\(\s*{name}\b", text)
@@ -229,12 +233,21 @@ def parse_overrides(text: str) -> tuple[Override, ...]:
 
 
 def parse_entry_points(text: str) -> dict[str, str]:
-    """Stage -> function name (compute, vertex, fragment) of a comment-free text."""
-    return {match[1]: match[3] for match in ENTRY_POINT.finditer(top_level(text))}
+    """Stage (compute, vertex, fragment) -> function of a comment-free text. Raises SyntaxFault for two."""
+    flat = top_level(text)
+    found: dict[str, str] = {}
+    for match in ENTRY_POINT.finditer(flat):
+        if match[1] in found:
+            line = line_of(flat, match.start(3))
+            raise SyntaxFault(
+                line, f"{match[3]}: the kernel has a @{match[1]} entry point, {found[match[1]]}"
+            )
+        found[match[1]] = match[3]
+    return found
 
 
 def parse_workgroup_size(text: str, constants: Mapping[str, float]) -> tuple[int, int, int] | None:
-    """`@workgroup_size` with `override` and `const` names replaced by their values; None where there is none."""
+    """`@workgroup_size` with the values of its `override` and `const` names; None where there is none."""
     flat = top_level(text)
     match = WORKGROUP_SIZE.search(flat)
     if match is None:

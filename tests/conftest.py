@@ -34,5 +34,18 @@ def shared_assets() -> Path:
     named = os.environ.get("SDFPRIM_ASSETS")
     folder = Path(named) if named else REPOSITORY.parent / "shared" / "assets"
     if not (folder / "MANIFEST.csv").is_file():
-        pytest.skip(f"no shared assets in {folder}: point SDFPRIM_ASSETS at the folder that holds MANIFEST.csv")
+        pytest.skip(
+            f"no shared assets in {folder}: point SDFPRIM_ASSETS at the folder that holds MANIFEST.csv"
+        )
     return folder
+
+
+@pytest.fixture(scope="session")
+def gpu():
+    """An open GPU, a software one too; the test is skipped where there is none, and the reason is the remedy."""
+    from runtime.device import NoAdapter, open_device
+
+    try:
+        return open_device()
+    except NoAdapter as error:
+        pytest.skip(str(error))
