@@ -1,0 +1,164 @@
+// Sphere tracing (Hart 1996) through the world's primitives.
+//
+// Half-spaces are met by a division. The finite primitives lie inside the grid, so the march runs only where the ray
+// crosses it. All primitives are convex: a ray that starts by leaving one never meets it again, so that one is left
+// out, and rays that graze the surface they start from take long steps at once.
+
+import package::lib::candidates::{Nearest, nearest_finite, world_distance};
+import package::lib::primitives::{decode_albedo, decode_emission, shape_face, shape_gradient};
+import package::world::bindings::{FAR, NO_PRIMITIVE, primitives, world, world_shape};
+
+// A ray that has not arrived after so many steps creeps along a surface and counts as having met it: a ray that
+// were let through instead would leak.
+const MARCH_STEPS: u32 = 128u;
+
+// Strides of `trace_start`, and the least of them as a share of the margin.
+const START_STEPS: u32 = 8u;
+const START_HAIR: f32 = 0.125;
+
+struct Hit {
+    t: f32,
+    primitive: u32,
+    position: vec3f,
+    normal: vec3f,
+    albedo: vec3f,
+    emission: vec3f,
+    steps: u32,
+}
+
+// Where a ray ends, without asking what the surface there is like.
+struct Arrival {
+    t: f32,
+    primitive: u32,
+    steps: u32,
+    // The smallest (distance to a primitive) / (distance along the ray) at the points where the ray passes one by.
+    clearance: f32,
+}
+
+fn march_half_spaces(origin: vec3f, direction: vec3f, reach: f32) -> Arrival {
+    var arrival = Arrival(reach, NO_PRIMITIVE, 0u, FAR);
+    for (var index = world.finite_count; index < world.primitive_count; index++) {
+        let shape = world_shape(index);
+        let normal = shape_gradient(shape, origin);
+        let height = dot(origin - shape.position, normal);
+        let descent = -dot(direction, normal);
+        if height <= 0.0 {
+            if descent > 0.0 || height < -world.hit_distance {
+                return Arrival(0.0, index, 0u, 0.0);
+            }
+        } else if descent > 0.0 && height < arrival.t * descent {
+            arrival = Arrival(height / descent, index, 0u, FAR);
+        }
+    }
+    return arrival;
+}
+
+// The part of a ray, from x to y, that lies in the grid; empty when y < x.
+fn march_grid_span(origin: vec3f, direction: vec3f, reach: f32) -> vec2f {
+    let tiny = select(vec3f(1e-12), -vec3f(1e-12), direction < vec3f(0.0));
+    let inverse = 1.0 / select(direction, tiny, abs(direction) < vec3f(1e-12));
+    let a = (world.grid_lower - origin) * inverse;
+    let b = (world.grid_upper - origin) * inverse;
+    let entry = min(a, b);
+    let exit = max(a, b);
+    return vec2f(max(max(entry.x, entry.y), max(entry.z, 0.0)), min(min(exit.x, exit.y), min(exit.z, reach)));
+}
+
+// Where the ray meets the world first, at most `reach` away; NO_PRIMITIVE where it meets nothing. A ray that starts
+// inside a primitive ends there at once.
+fn march_ray(origin: vec3f, direction: vec3f, reach: f32) -> Arrival {
+    var arrival = march_half_spaces(origin, direction, reach);
+    let span = march_grid_span(origin, direction, arrival.t);
+    if world.finite_count == 0u || span.y <= span.x {
+        return arrival;
+    }
+    var t = span.x;
+    let left = march_left_primitive(origin, direction, t);
+    var nearest = Nearest(FAR, NO_PRIMITIVE);
+    var before = FAR;
+    var is_approaching = false;
+    for (var step = 1u; step <= MARCH_STEPS; step++) {
+        nearest = nearest_finite(origin + direction * t, left);
+        if nearest.distance < world.hit_distance {
+            return Arrival(t, nearest.primitive, step, 0.0);
+        }
+        if is_approaching && nearest.distance > before {
+            arrival.clearance = min(arrival.clearance, before / t);
+        }
+        is_approaching = step > 1u && nearest.distance < before;
+        before = nearest.distance;
+        t += nearest.distance;
+        arrival.steps = step;
+        if t >= span.y {
+            return arrival;
+        }
+    }
+    return Arrival(t, nearest.primitive, MARCH_STEPS, 0.0);
+}
+
+// The primitive on whose surface, or just outside of it, a ray starts on its way out; else NO_PRIMITIVE.
+fn march_left_primitive(origin: vec3f, direction: vec3f, start: f32) -> u32 {
+    if start > 0.0 {
+        return NO_PRIMITIVE;
+    }
+    let nearest = nearest_finite(origin, NO_PRIMITIVE);
+    let is_leaving = nearest.distance > -world.hit_distance
+        && dot(shape_gradient(world_shape(nearest.primitive), origin), direction) >= 0.0;
+    return select(NO_PRIMITIVE, nearest.primitive, is_leaving);
+}
+
+// The surface that a ray sees; its primitive is NO_PRIMITIVE, and t the reach, where it sees none.
+fn trace(origin: vec3f, direction: vec3f, reach: f32) -> Hit {
+    let arrival = march_ray(origin, direction, reach);
+    let position = origin + direction * arrival.t;
+    if arrival.primitive == NO_PRIMITIVE {
+        return Hit(reach, NO_PRIMITIVE, position, -direction, vec3f(0.0), vec3f(0.0), arrival.steps);
+    }
+    let shape = world_shape(arrival.primitive);
+    let face = shape_face(shape, position);
+    let last = primitives[4u * arrival.primitive + 3u];
+    let word = select(primitives[4u * arrival.primitive + 2u][face % 4u], last[face % 4u], face >= 4u);
+    let albedo = decode_albedo(word);
+    let emission = decode_emission(word, last.z, last.w);
+    let normal = shape_gradient(shape, position);
+    return Hit(arrival.t, arrival.primitive, position, normal, albedo, emission, arrival.steps);
+}
+
+// 1 when nothing lies on the way from `origin` along `direction` as far as `reach`, else 0.
+fn trace_visibility(origin: vec3f, direction: vec3f, reach: f32) -> f32 {
+    return select(0.0, 1.0, march_ray(origin, direction, reach).primitive == NO_PRIMITIVE);
+}
+
+// The same with a penumbra (Aaltonen 2018): a way that passes a primitive by within `softness` radians, seen from the
+// origin, lets through less. Only passing by counts, not the surface that the way leaves or the one it ends at, so
+// that no surface darkens itself.
+fn trace_soft_visibility(origin: vec3f, direction: vec3f, reach: f32, softness: f32) -> f32 {
+    let arrival = march_ray(origin, direction, reach);
+    if arrival.primitive != NO_PRIMITIVE {
+        return 0.0;
+    }
+    return smoothstep(0.0, softness, arrival.clearance);
+}
+
+// Where to start looking from a point of a surface that may lie inside a primitive or too near to one: the point
+// moved along its normal until `world.start_margin` is free around it, or as much as the gap there has. Every stride
+// stays inside the solid that holds the point or inside the ball that is free around it, so no wall is ever crossed.
+// w = 0 when `world.start_limit` metres lead to no free place.
+fn trace_start(position: vec3f, normal: vec3f) -> vec4f {
+    let hair = START_HAIR * world.start_margin;
+    var moved = 0.0;
+    var distance = world_distance(position);
+    for (var step = 0u; step < START_STEPS; step++) {
+        if distance >= world.start_margin || moved > world.start_limit {
+            break;
+        }
+        let stride = select(max(distance, hair), hair - distance, distance < 0.0);
+        let onwards = world_distance(position + normal * (moved + stride));
+        if distance > 0.0 && onwards <= distance {
+            break;
+        }
+        moved += stride;
+        distance = onwards;
+    }
+    return vec4f(position + normal * moved, select(0.0, 1.0, distance > 0.0));
+}

@@ -1,0 +1,37 @@
+// Counter-based random numbers (the PCG hashes of Jarzynski and Olano 2020) and low-discrepancy directions.
+
+const PI: f32 = 3.14159265358979;
+
+fn random_hash(key: vec3u) -> vec3u {
+    var v = key * 1664525u + 1013904223u;
+    v.x += v.y * v.z;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    v ^= v >> vec3u(16u);
+    v.x += v.y * v.z;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    return v;
+}
+
+// Uniform in [0, 1): the 24 highest bits, which float32 holds exactly.
+fn random_uniform(bits: vec3u) -> vec3f {
+    return vec3f(bits >> vec3u(8u)) * (1.0 / 16777216.0);
+}
+
+// A uniformly distributed rotation from three uniform numbers (Shoemake 1992).
+fn random_rotation(u: vec3f) -> vec4f {
+    let a = 2.0 * PI * u.y;
+    let b = 2.0 * PI * u.z;
+    let s = sqrt(1.0 - u.x);
+    let t = sqrt(u.x);
+    return vec4f(s * sin(a), s * cos(a), t * sin(b), t * cos(b));
+}
+
+// Point `index` of `count` on the spherical Fibonacci lattice (Keinert et al. 2015).
+fn spherical_fibonacci(index: u32, count: u32) -> vec3f {
+    let z = 1.0 - (2.0 * f32(index) + 1.0) / f32(count);
+    let angle = 2.0 * PI * fract(f32(index) * 0.61803398874989);
+    let r = sqrt(max(1.0 - z * z, 0.0));
+    return vec3f(r * cos(angle), r * sin(angle), z);
+}
