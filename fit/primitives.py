@@ -432,7 +432,7 @@ def _check_sizes(s: PrimitiveSet) -> None:
         _refuse(endless & ((y != 0) | (z != np.inf)), s, "a half-space has the sizes (inf, 0, inf)")
         unsized = ~(np.isfinite(s.sizes) & (s.sizes > 0)).all(axis=1) & ~endless
         _refuse(unsized, s, "sizes must be finite and above 0 (a half-space's are (inf, 0, inf))")
-        uneven = (np.abs(x - z) > 1e-9 * x) | (sphere & (np.abs(x - y) > 1e-9 * x))
+        uneven = (x != z) | (sphere & (x != y))
         _refuse((sphere | cylinder) & uneven, s, "sizes across must be equal: all are its diameter")
         thick = plane & ~endless & (y > PLANE_THICKNESS_LIMIT * np.minimum(x, z) * (1 + 1e-6))
     _refuse(thick, s, f"thicker than {PLANE_THICKNESS_LIMIT:.0%} of its smaller size; make it a box")
