@@ -1,0 +1,158 @@
+"""Direct light: the lights' buffers, their shadow maps and reflective shadow maps, and the pass that lights pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fit.scene import Float64
+from runtime.device import Gpu
+from runtime.encoder import Recorder
+from runtime.kernel import Kernel, RasterKernel, Resource
+from runtime.lights import AnyLight, Light, Lighting, Tile, light_records, plan_tiles, untiled_notes
+from runtime.meshes import VERTEX, SceneMeshes
+from runtime.primary import GBuffer
+from runtime.resources import Buffer, Sampler, Texture
+from runtime.settings import ShadowSettings
+
+RSM_TARGETS = {"rsm_normal": "r32uint", "rsm_radiance": "rgba16float"}
+
+
+class LightMaps:
+    """The lights on the GPU, with one atlas of shadow maps that are reflective shadow maps too.
+
+    The maps are drawn again only when a light or an instance has moved; colours may change for free. Without meshes
+    there are no maps and every light is shadowed by tracing the primitives.
+    """
+
+    def __init__(
+        self, gpu: Gpu, origin: Float64, settings: ShadowSettings, meshes: SceneMeshes | None
+    ) -> None:
+        self._gpu = gpu
+        self._origin = origin
+        self._settings = settings
+        self._meshes = meshes
+        self._header = Buffer(gpu, Lighting.size, "uniform", label="lighting")
+        self._sampler = Sampler(gpu, "linear", compare="greater-equal", label="shadow_sampler")
+        self._kernel: RasterKernel | None = None
+        self._lights = Buffer(gpu, Light.size, "storage", label="lights")
+        self._tiles: tuple[Tile, ...] = ()
+        self._tile_lights: list[Buffer] = []
+        self._placement: object = None
+        self._make_atlas((1, 1))
+        self.notes: tuple[str, ...] = ()
+        self.set(())
+
+    def set(self, lights: Sequence[AnyLight]) -> None:
+        """Replaces the lights."""
+        bounds = None if self._meshes is None else self._meshes.bounds()
+        self._tiles, size = plan_tiles(lights, bounds, self._origin, self._settings)
+        if size != self._depth.size[:2]:
+            self._make_atlas(size)
+        records = light_records(lights, self._tiles, self._origin)
+        if records.nbytes != self._lights.size:
+            self._lights = Buffer(self._gpu, records, "storage", label="lights")
+        else:
+            self._lights.write(records)
+        self._header.write(
+            Lighting.pack(
+                atlas_size=size,
+                count=len(lights),
+                rsm_tolerance=self._settings.rsm_tolerance,
+                rsm_normal_agreement=self._settings.rsm_normal_agreement,
+            )
+        )
+        self._set_tiles(records)
+        self.lights = tuple(lights)
+        self.notes = untiled_notes(lights, self._tiles) if self._meshes is not None else ()
+
+    def bindings(self) -> dict[str, Resource]:
+        """What `lib/lights.wgsl` binds."""
+        return {
+            "lighting": self._header,
+            "lights": self._lights,
+            "shadow_depth": self._depth,
+            "shadow_sampler": self._sampler,
+            **self._targets,
+        }
+
+    def invalidate(self) -> None:
+        """Says that an instance has moved: places the views anew and draws them in the next frame."""
+        self._placement = None
+        self.set(self.lights)
+
+    def record(self, rec: Recorder) -> None:
+        """Draws the views of the lights that have one, if anything in them has moved."""
+        if not self._tiles or self._meshes is None or not self._is_stale:
+            return
+        if self._kernel is None:
+            self._kernel = RasterKernel(
+                self._gpu,
+                "direct/draw_light_view",
+                list(RSM_TARGETS.values()),
+                vertex_buffers=[VERTEX],
+                depth_compare="greater",
+            )
+        targets = [self._targets[name] for name in RSM_TARGETS]
+        with rec.render(self._kernel.name, targets, self._depth, clear_depth=0.0) as render_pass:
+            for tile, light in zip(self._tiles, self._tile_lights, strict=True):
+                render_pass.set_viewport(*tile.corner, tile.size, tile.size, 0.0, 1.0)
+                render_pass.set_scissor_rect(*tile.corner, tile.size, tile.size)
+                self._meshes.draw(render_pass, self._kernel, light=light)
+        self._is_stale = False
+
+    def _set_tiles(self, records: Sequence[object]) -> None:
+        placement = [
+            (
+                tile.light,
+                tile.corner,
+                tile.size,
+                tile.clip_from_local.tobytes(),
+                _shape(self._tiles, tile, records),
+            )
+            for tile in self._tiles
+        ]
+        if placement == self._placement:
+            return
+        self._placement = placement
+        self._is_stale = True
+        self._tile_lights = [
+            Buffer(self._gpu, records[tile.light], "uniform", label="light") for tile in self._tiles
+        ]
+
+    def _make_atlas(self, size: tuple[int, int]) -> None:
+        self._depth = Texture(self._gpu, size, "depth32float", "sample|render", label="shadow_depth")
+        self._targets = {
+            name: Texture(self._gpu, size, format, "sample|render", label=name)
+            for name, format in RSM_TARGETS.items()
+        }
+        self._placement = None
+
+
+def _shape(tiles: Sequence[Tile], tile: Tile, records: Sequence[object]) -> bytes:
+    """All of a light's record but its colour: what its map depends on."""
+    record = records[tile.light].copy()  # type: ignore[attr-defined]
+    record["color"] = 0
+    return bytes(record.tobytes())
+
+
+class DirectLight:
+    """Lights every pixel of a G-buffer: sun, spots and points, with shadows."""
+
+    def __init__(self, gpu: Gpu, size: tuple[int, int]) -> None:
+        self._kernel = Kernel(gpu, "direct/light_pixels")
+        self._size = size
+        self.irradiance = Texture(gpu, size, "rgba32float", "sample|storage", label="direct_irradiance")
+
+    def record(
+        self, rec: Recorder, gbuffer: GBuffer, world: dict[str, Resource], frame: dict[str, Resource]
+    ) -> None:
+        """Fills `irradiance`, W/m2."""
+        with rec.compute(self._kernel.name) as compute_pass:
+            self._kernel.dispatch(
+                compute_pass,
+                self._kernel.groups_for(*self._size),
+                world,
+                frame,
+                gbuffer.bindings(),
+                pixel_irradiance=self.irradiance,
+            )

@@ -1,0 +1,279 @@
+"""The frame, read from top to bottom: world, shadow maps, technique, G-buffer, direct light, indirect light, picture.
+
+    renderer = Renderer(gpu, scene, primitives, RenderSettings(size=(640, 360), gi="sdfddgi"))
+    result = renderer.render(camera, frames=16)
+    write_png("final.png", result.display())
+
+Between frames the camera, lights, sky, instances and primitives may change; no pipeline is built again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.primitives import PrimitiveSet
+from fit.scene import Camera, Float64, Scene
+from runtime import views
+from runtime.camera import Frame, frame_record, overview
+from runtime.device import Gpu
+from runtime.direct import DirectLight, LightMaps
+from runtime.encoder import Recorder
+from runtime.kernel import Kernel, Resource
+from runtime.lights import AnyLight, Illumination, choose_illumination
+from runtime.meshes import SceneMeshes
+from runtime.primary import GBuffer, GBufferPass
+from runtime.resources import Buffer, Texture
+from runtime.settings import RenderSettings
+from runtime.sky import Sky, SkyMap
+from runtime.technique import FrameLight, create
+from runtime.timing import Timer
+from runtime.views import ToneMap, Views, to_display
+from runtime.world import World
+
+Float32 = NDArray[np.float32]
+UInt8 = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Result:
+    """A finished frame.
+
+    images: the views asked for, (height, width, 3) float32 linear, scene units, no exposure; `final` is always there.
+    timings: milliseconds of each pass on the GPU, the median over the frames in which it ran; None where the device
+    keeps no time. notes: what was done silently nowhere else: textures halved, lights off, materials left out.
+    """
+
+    images: Mapping[str, Float32]
+    timings: Mapping[str, float | None]
+    frames: int
+    picture: UInt8
+    settings: RenderSettings
+    notes: tuple[str, ...] = field(default=())
+
+    def display(self, view: str = "final") -> UInt8:
+        """A view as sRGB bytes (height, width, 3); `final` is the GPU's own tone-mapped picture."""
+        if view == "final":
+            return self.picture
+        return to_display(view, self.images[view], self.settings)
+
+
+class Renderer:
+    """Draws a scene, lit through its primitives.
+
+    `illumination` None: the scene's own lights, or a default (`lights.choose_illumination`). Raises ValueError for an
+    unknown technique.
+    """
+
+    def __init__(
+        self,
+        gpu: Gpu,
+        scene: Scene,
+        primitives: PrimitiveSet,
+        settings: RenderSettings | None = None,
+        illumination: Illumination | None = None,
+    ) -> None:
+        self.gpu = gpu
+        self.scene = scene
+        self.settings = settings or RenderSettings()
+        self.illumination = illumination or choose_illumination(scene)
+        size = self.settings.size
+        self.world = World(gpu, scene, primitives)
+        self.meshes = SceneMeshes(gpu, scene, self.world.origin, self.settings.max_texture_size)
+        self.technique = create(self.settings.gi, gpu, self.world, self.settings.technique)
+        self.gbuffer = GBuffer(gpu, size)
+        self._lights = LightMaps(gpu, self.world.origin, self.settings.shadows, self.meshes)
+        self._sky = SkyMap(gpu, self.illumination.sky)
+        self._frame = Buffer(gpu, Frame.size, "uniform", label="frame")
+        self._draw_gbuffer = GBufferPass(gpu)
+        self._direct = DirectLight(gpu, size)
+        self._indirect = Texture(gpu, size, "rgba32float", "sample|storage", label="indirect_irradiance")
+        self._radiance = Texture(gpu, size, "rgba32float", "sample|storage", label="radiance")
+        self._gather = Kernel(gpu, "composite/gather_irradiance", aliases={"technique": self.technique.name})
+        self._combine = Kernel(gpu, "composite/combine_light")
+        self._tone_map = ToneMap(gpu, size, self.settings.exposure, self.settings.tone_curve)
+        self._views = Views(gpu, size)
+        self._lights.set(self.illumination.lights)
+        self._timer = Timer(gpu)
+        self._index = 0
+        self._light_version = 0
+        self._camera: Camera | None = None
+        self._previous_camera: Camera | None = None
+
+    # ------------------------------------------------------------------------------------------ what may change
+
+    def set_camera(self, camera: Camera) -> None:
+        """Looks through another camera from the next frame on."""
+        self._camera = camera
+
+    def set_primitives(self, primitives: PrimitiveSet) -> None:
+        """Lights through other primitives from the next frame on."""
+        self.world.update(primitives)
+
+    def set_lights(self, lights: Sequence[AnyLight]) -> None:
+        """Replaces suns, spots and points."""
+        self.illumination = replace(self.illumination, lights=tuple(lights))
+        self._lights.set(self.illumination.lights)
+        self._light_version += 1
+
+    def set_sky(self, sky: Sky) -> None:
+        """Replaces the sky."""
+        self.illumination = replace(self.illumination, sky=sky)
+        self._sky.set(sky)
+        self._light_version += 1
+
+    def move_instances(self, instances: dict[int, Float64]) -> None:
+        """Places drawn instances (index into `scene.instances` -> world_from_local); the primitives stay."""
+        self.meshes.move(instances)
+        self._lights.invalidate()
+
+    def set_exposure(self, exposure: float) -> None:
+        """Stops (EV) of the tone-mapped picture."""
+        self.settings = replace(self.settings, exposure=exposure)
+        self._tone_map.set(exposure, self.settings.tone_curve)
+
+    # ------------------------------------------------------------------------------------------ one frame
+
+    def draw_frame(self, *, only_light: bool = False) -> None:
+        """Records and submits one frame. `only_light` leaves out what only the picture needs: the G-buffer on."""
+        camera = self._camera or overview(self.scene, self.settings.size[0] / self.settings.size[1])
+        self._camera = camera
+        self._frame.write(
+            frame_record(
+                camera,
+                self._previous_camera or camera,
+                self.settings.size,
+                self.world.origin,
+                self._index,
+            )
+        )
+        rec = Recorder(self.gpu, self._timer)
+        self.world.record(rec)
+        self._lights.record(rec)
+        self.technique.record(rec, FrameLight(self._index, self._frame_bindings(), self._light_version))
+        if not only_light:
+            self._draw_gbuffer.record(rec, self.meshes, self.gbuffer, self._frame_bindings())
+            self._direct.record(rec, self.gbuffer, self.world.bindings(), self._frame_bindings())
+            self._record_indirect(rec)
+            self._record_radiance(rec)
+            self._tone_map.record(rec, self._radiance)
+            self._previous_camera = camera
+            self.meshes.end_frame()
+        rec.submit()
+        self._index += 1
+
+    def _record_indirect(self, rec: Recorder) -> None:
+        """Indirect irradiance at every pixel, from the technique."""
+        self._dispatch(rec, self._gather, pixel_irradiance=self._indirect)
+
+    def _record_radiance(self, rec: Recorder) -> None:
+        """Surfaces under both irradiances, or the sky."""
+        self._dispatch(
+            rec,
+            self._combine,
+            direct_irradiance=self._direct.irradiance,
+            indirect_irradiance=self._indirect,
+            radiance=self._radiance,
+        )
+
+    def _dispatch(self, rec: Recorder, kernel: Kernel, **own: Resource) -> None:
+        with rec.compute(kernel.name) as compute_pass:
+            kernel.dispatch(compute_pass, kernel.groups_for(*self.settings.size), self._shared(), **own)
+
+    def _frame_bindings(self) -> dict[str, Resource]:
+        """Group 3: frame, sky, lights."""
+        return {"frame": self._frame, **self._sky.bindings(), **self._lights.bindings()}
+
+    def _shared(self) -> dict[str, Any]:
+        """Everything that a per-pixel kernel may bind."""
+        return {
+            **self.gbuffer.bindings(),
+            **self.world.bindings(),
+            **self.technique.lookup_bindings(),
+            **self._frame_bindings(),
+        }
+
+    # ------------------------------------------------------------------------------------------ pictures
+
+    def render(
+        self,
+        camera: Camera | None = None,
+        frames: int = 1,
+        *,
+        settle: int = 0,
+        only: Sequence[str] = ("final",),
+    ) -> Result:
+        """Draws `settle` frames that only bring the light up to date, then `frames` whole ones, and reads `only`.
+
+        camera: None keeps the last one, or takes an overview. only: names of `all_views`.
+
+        Raises:
+            ValueError: no frame, or an unknown view; the message lists those there are.
+        """
+        if frames < 1 or settle < 0:
+            raise ValueError(f"{frames} frames after {settle}: at least one frame has to be drawn")
+        unknown = [name for name in only if name not in self.all_views()]
+        if unknown:
+            raise ValueError(f"no view {', '.join(unknown)}; there are {', '.join(self.all_views())}")
+        if camera is not None:
+            self.set_camera(camera)
+        self._timer.results()
+        history: list[Mapping[str, float | None]] = []
+        for number in range(settle + frames):
+            self.draw_frame(only_light=number < settle)
+            history.append(self._timer.results())
+        images = {name: self.read_view(name) for name in dict.fromkeys(("final", *only))}
+        picture = self._tone_map.picture.read()[..., :3]
+        return Result(images, _medians(history), frames, picture, self.settings, self.notes())
+
+    def all_views(self) -> tuple[str, ...]:
+        """Names that `read_view` takes: the frame's layers, the primitives', the technique's."""
+        return (*views.VIEWS, *self.technique.views())
+
+    def read_view(self, name: str) -> Float32:
+        """A view of the last whole frame, (height, width, 3) float32; a technique's texture as it is.
+
+        `position` is in world space.
+        """
+        if name == "final":
+            radiance: Float32 = self._radiance.read()[..., :3]
+            return radiance
+        if name in self.technique.views():
+            return _three_channels(self.technique.views()[name].read())
+        shared = {
+            **self._shared(),
+            "direct_irradiance": self._direct.irradiance,
+            "indirect_irradiance": self._indirect,
+        }
+        pixels = self._views.extract(name, shared)
+        if name == "position":
+            return np.where(pixels[..., 3:] > 0, pixels[..., :3] + self.world.origin, 0).astype(np.float32)
+        return pixels[..., :3]
+
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know of how this scene is drawn."""
+        return (*self.illumination.notes, *self.meshes.notes, *self._lights.notes)
+
+
+def _medians(history: Sequence[Mapping[str, float | None]]) -> dict[str, float | None]:
+    labels = dict.fromkeys(label for timings in history for label in timings)
+    medians: dict[str, float | None] = {}
+    for label in labels:
+        known = [timings[label] for timings in history if timings.get(label) is not None]
+        medians[label] = float(np.median(np.array(known, np.float64))) if known else None
+    return medians
+
+
+def _three_channels(pixels: NDArray[Any]) -> Float32:
+    values = pixels.astype(np.float32)
+    if values.ndim == 2:
+        values = values[..., None]
+    if values.shape[-1] < 3:
+        padding = np.zeros((*values.shape[:-1], 3 - values.shape[-1]), np.float32)
+        values = values if values.shape[-1] == 2 else np.repeat(values, 3, axis=-1)
+        return np.concatenate([values, padding], axis=-1)[..., :3] if values.shape[-1] == 2 else values
+    return values[..., :3]
