@@ -9,7 +9,7 @@ Between frames the camera, lights, sky, instances and primitives may change; no 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -206,10 +206,12 @@ class Renderer:
         *,
         settle: int = 0,
         only: Sequence[str] = ("final",),
+        progress: Callable[[int, int], None] | None = None,
     ) -> Result:
         """Draws `settle` frames that only bring the light up to date, then `frames` whole ones, and reads `only`.
 
-        camera: None keeps the last one, or takes an overview. only: names of `all_views`.
+        camera: None keeps the last one, or takes an overview. only: names of `all_views`. progress: called after each
+        frame with how many are done and how many there are.
 
         Raises:
             ValueError: no frame, or an unknown view; the message lists those there are.
@@ -226,6 +228,8 @@ class Renderer:
         for number in range(settle + frames):
             self.draw_frame(only_light=number < settle)
             history.append(self._timer.results())
+            if progress:
+                progress(number + 1, settle + frames)
         images = {name: self.read_view(name) for name in dict.fromkeys(("final", *only))}
         picture = self._tone_map.picture.read()[..., :3]
         return Result(images, _medians(history), frames, picture, self.settings, self.notes())
