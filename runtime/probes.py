@@ -1,0 +1,140 @@
+"""Probes: where they stand, and the octahedral irradiance maps that every probe technique stores."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from runtime.device import Gpu
+from runtime.resources import Buffer, Sampler, Texture
+from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u
+from runtime.twins.octahedral import OCT_SIZE, OCT_TILE
+
+Float64 = NDArray[np.float64]
+
+ATLAS_COLUMNS = 512
+"""Tiles in a row of the atlas, at most."""
+
+OFF = -1.0
+"""Irradiance scale of a probe that is switched off."""
+
+
+class ProbeGridInfo(GpuStruct):
+    lower: vec3f
+    spacing: f32
+    counts: vec3u
+    columns: u32
+    softness: f32
+
+
+@dataclass(frozen=True)
+class ProbeGrid:
+    """A regular grid of probes: probe (0, 0, 0) stands at `lower`, world space, the others `spacing` metres apart."""
+
+    lower: tuple[float, float, float]
+    spacing: float
+    counts: tuple[int, int, int]
+
+    def __post_init__(self) -> None:
+        if not self.spacing > 0 or min(self.counts) < 1:
+            raise ValueError(f"a probe grid needs a spacing above 0 and a probe on each axis, not {self}")
+
+    def __len__(self) -> int:
+        return int(np.prod(self.counts))
+
+    @property
+    def columns(self) -> int:
+        return min(len(self), ATLAS_COLUMNS)
+
+    @property
+    def atlas_size(self) -> tuple[int, int]:
+        """Width and height in texels."""
+        rows = -(-len(self) // self.columns)
+        return OCT_TILE * self.columns, OCT_TILE * rows
+
+    def positions(self) -> Float64:
+        """World positions (n, 3) of the grid's nodes, x fastest."""
+        z, y, x = np.meshgrid(*(np.arange(c) for c in reversed(self.counts)), indexing="ij")
+        return np.array(self.lower) + self.spacing * np.stack([x, y, z], axis=-1).reshape(-1, 3)
+
+    @staticmethod
+    def around(
+        bounds: tuple[ArrayLike, ArrayLike], spacing: float | None = None, max_probes: int = 9856
+    ) -> ProbeGrid:
+        """A grid over the box `bounds`, its outermost probes on or beyond the box's faces.
+
+        Without a `spacing` it is as fine as `max_probes` allows; with one that asks for more, it is coarsened to fit.
+        """
+        lower, upper = (np.asarray(corner, dtype=np.float64) for corner in bounds)
+        extent = upper - lower
+        step = spacing or float(np.cbrt(np.prod(np.maximum(extent, 0.05 * extent.max() + 1e-9)) / max_probes))
+        while np.prod(counts := _counts(extent, step)) > max_probes:
+            step *= 1.02
+        start = (lower + upper) / 2 - step * (counts - 1) / 2
+        return ProbeGrid((float(start[0]), float(start[1]), float(start[2])), step, _triple(counts))
+
+
+def _counts(extent: Float64, spacing: float) -> NDArray[np.int64]:
+    return np.maximum(np.ceil(extent / spacing - 1e-6).astype(np.int64) + 1, 2)
+
+
+def _triple(values: NDArray[np.int64]) -> tuple[int, int, int]:
+    x, y, z = (int(v) for v in values)
+    return x, y, z
+
+
+class IrradianceProbes:
+    """Octahedral irradiance maps of a grid of probes, ready for lookups.
+
+    records: for each probe its local position and the scale of its map (below 0: off). atlas: the maps as tiles with
+    borders; texel * scale is E in W/m2, so half floats serve any brightness. exact: the same maps, OCT_SIZE^2 texels a
+    probe, in float32 and without borders: the history that updates blend into, where half floats would stop short of
+    the mean.
+    """
+
+    def __init__(self, gpu: Gpu, grid: ProbeGrid, origin: Float64, softness: float) -> None:
+        self.gpu, self.grid = gpu, grid
+        self.info = Buffer(gpu, ProbeGridInfo.size, "uniform", label="probe grid")
+        self.info.write(
+            ProbeGridInfo.pack(
+                lower=np.array(grid.lower) - origin,
+                spacing=grid.spacing,
+                counts=np.array(grid.counts, np.uint32),
+                columns=grid.columns,
+                softness=softness,
+            )
+        )
+        self.records = Buffer(gpu, 16 * len(grid), label="probe records")
+        self.exact = Buffer(gpu, 16 * len(grid) * OCT_SIZE**2, label="probe irradiance")
+        self.atlas = Texture(gpu, grid.atlas_size, "rgba16float", "sample|storage", label="probe atlas")
+        self.sampler = Sampler(gpu, "linear", label="probe atlas")
+
+    def lookup_bindings(self) -> Mapping[str, Any]:
+        return {
+            "probe_grid": self.info,
+            "probe_records": self.records,
+            "probe_atlas": self.atlas,
+            "probe_sampler": self.sampler,
+        }
+
+    def clear(self) -> None:
+        """Switches every probe off and blackens its map."""
+        blank = np.zeros((len(self.grid), 4), np.float32)
+        blank[:, 3] = OFF
+        self.records.write(blank)
+        self.exact.write(np.zeros((len(self.grid), OCT_SIZE**2, 4), np.float32))
+
+    def read_records(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Local positions (n, 3) of the probes and which are on (n,); waits for the GPU."""
+        records = self.records.read(np.float32, (len(self.grid), 4))
+        return records[:, :3], records[:, 3] >= 0
+
+    @property
+    def memory(self) -> int:
+        """Bytes on the GPU."""
+        width, height = self.grid.atlas_size
+        return self.info.size + self.records.size + self.exact.size + 8 * width * height

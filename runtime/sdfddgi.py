@@ -1,0 +1,215 @@
+"""SDFDDGI (Hu et al., "Efficient real-time dynamic diffuse global illumination using signed distance fields").
+
+A grid of probes over the scene; every frame each probe looks around by sphere tracing through the primitives, and
+surfaces interpolate the probes that they see. docs/gi.md tells each pass with its cost and what fails.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from runtime.device import Gpu
+from runtime.encoder import Recorder
+from runtime.kernel import Kernel
+from runtime.probes import IrradianceProbes, ProbeGrid
+from runtime.resources import Buffer, Texture
+from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u
+from runtime.technique import FrameLight
+from runtime.world import World
+
+RAYS_AT_ONCE = 64
+"""Rays of a workgroup: one for each texel's thread."""
+
+GROUPS_IN_A_ROW = 32768
+"""More workgroups than WebGPU has on one axis go to a second one."""
+
+
+class PlaceSettings(GpuStruct):
+    lower: vec3f
+    spacing: f32
+    counts: vec3u
+    clearance: f32
+    reach: f32
+    smallest_clearance: f32
+    jump: f32
+
+
+class UpdateSettings(GpuStruct):
+    probe_count: u32
+    columns: u32
+    batches: u32
+    fresh_factor: u32
+    frame: u32
+    seed: u32
+    bounce: f32
+    reach: f32
+    most_frames: f32
+    forget_drift: u32
+
+
+class ProbeHistory(GpuStruct):
+    frames: f32
+    fluence: f32
+    drift: f32
+    spread: f32
+    age: f32
+
+
+@dataclass(frozen=True)
+class SdfddgiSettings:
+    """Lengths in metres, or shares of the probe spacing.
+
+    grid: where the probes stand; None lays them over the primitives. probe_spacing: None makes it as fine as
+    `max_probes` allows (the paper's volume has 22 x 14 x 32). rays_per_probe: a multiple of 64; a probe without
+    history takes `fresh_factor` times as many. bounce: share of the light of the last frame's probes that is reflected
+    on, 1 for all. max_ray_distance: rays end there and take the sky.
+    history_frames: a still probe is the mean of about so many frames. settling_frames, settling_history: for so many
+    frames after a change it is the mean of so few.
+    clearance: probes keep this share of the spacing, at most `clearance_limit` metres, from all primitives where they
+    can; `smallest_clearance`, metres (None: twice the world's start margin), everywhere. relocation: how far, in
+    spacings, they may leave the grid. jump: a move by more spacings than this drops the history.
+    softness: radians; a probe that is seen past an edge within this angle counts less.
+    """
+
+    grid: ProbeGrid | None = None
+    probe_spacing: float | None = None
+    max_probes: int = 9856
+    rays_per_probe: int = 64
+    fresh_factor: int = 4
+    bounce: float = 1.0
+    max_ray_distance: float = 1e30
+    history_frames: float = 256.0
+    settling_frames: int = 24
+    settling_history: float = 5.0
+    clearance: float = 0.25
+    clearance_limit: float = 0.25
+    smallest_clearance: float | None = None
+    relocation: float = 0.45
+    jump: float = 0.1
+    softness: float = 0.02
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.rays_per_probe < RAYS_AT_ONCE or self.rays_per_probe % RAYS_AT_ONCE:
+            raise ValueError(f"rays_per_probe is {self.rays_per_probe}; it must be a multiple of {RAYS_AT_ONCE}")
+        if not 0 <= self.bounce <= 1:
+            raise ValueError(f"bounce is {self.bounce}; it must be between 0 and 1")
+        if min(self.history_frames, self.settling_history) < 1 or self.fresh_factor < 1:
+            raise ValueError("history_frames, settling_history and fresh_factor must be at least 1")
+
+
+class Sdfddgi:
+    """The technique "sdfddgi"."""
+
+    name = "sdfddgi"
+
+    def __init__(self, gpu: Gpu, world: World, settings: SdfddgiSettings | None = None) -> None:
+        self.gpu, self.world = gpu, world
+        self.settings = s = settings or SdfddgiSettings()
+        self.grid = s.grid or ProbeGrid.around(world.bounds, s.probe_spacing, s.max_probes)
+        self.probes = IrradianceProbes(gpu, self.grid, world.origin, s.softness)
+        self._histories = Buffer(gpu, ProbeHistory.size * len(self.grid), label="probe histories")
+        self._place_settings = Buffer(gpu, PlaceSettings.size, "uniform", label="place settings")
+        self._update_settings = Buffer(gpu, UpdateSettings.size, "uniform", label="update settings")
+        self._place = Kernel(gpu, "sdfddgi/place_probes")
+        self._update = Kernel(gpu, "sdfddgi/update_probes")
+        self._publish = Kernel(gpu, "sdfddgi/publish_probes")
+        self.reset()
+
+    def record(self, rec: Recorder, frame: FrameLight) -> None:
+        """Places the probes where the world changed, updates all of them, and publishes their maps."""
+        self._write_settings(frame)
+        world, probes = self.world.bindings(), self.probes
+        if self._placed_version != self.world.version:
+            self._placed_version = self.world.version
+            with rec.compute(self._place.name) as compute_pass:
+                self._place.dispatch(
+                    compute_pass,
+                    self._place.groups_for(len(self.grid)),
+                    world,
+                    settings=self._place_settings,
+                    records=probes.records,
+                    histories=self._histories,
+                )
+        groups = _spread(len(self.grid))
+        with rec.compute(self._update.name) as compute_pass:
+            self._update.dispatch(
+                compute_pass,
+                groups,
+                world,
+                probes.lookup_bindings(),
+                frame.bindings,
+                settings=self._update_settings,
+                histories=self._histories,
+                exact_irradiance=probes.exact,
+            )
+        with rec.compute(self._publish.name) as compute_pass:
+            self._publish.dispatch(
+                compute_pass,
+                groups,
+                settings=self._update_settings,
+                exact_irradiance=probes.exact,
+                records=probes.records,
+                atlas=probes.atlas,
+            )
+
+    def lookup_bindings(self) -> Mapping[str, Any]:
+        return self.probes.lookup_bindings()
+
+    def reset(self) -> None:
+        """Forgets all history: every probe starts anew with the next frame."""
+        self.probes.clear()
+        self._histories.write(np.zeros(len(self.grid), ProbeHistory.dtype))
+        self._placed_version = -1
+        self._seen_versions: tuple[int, int] | None = None
+        self._since_change = 0
+
+    def views(self) -> Mapping[str, Texture]:
+        return {"probe-atlas": self.probes.atlas}
+
+    @property
+    def memory(self) -> int:
+        return self.probes.memory + self._histories.size + self._place_settings.size + self._update_settings.size
+
+    def _write_settings(self, frame: FrameLight) -> None:
+        s, spacing = self.settings, self.grid.spacing
+        versions = (self.world.version, frame.light_version)
+        self._since_change = 0 if versions != self._seen_versions else self._since_change + 1
+        self._seen_versions = versions
+        is_settling = self._since_change < s.settling_frames
+        smallest = 2 * self.world.start_margin if s.smallest_clearance is None else s.smallest_clearance
+        self._update_settings.write(
+            UpdateSettings.pack(
+                probe_count=len(self.grid),
+                columns=self.grid.columns,
+                batches=s.rays_per_probe // RAYS_AT_ONCE,
+                fresh_factor=s.fresh_factor,
+                frame=frame.index,
+                seed=s.seed,
+                bounce=s.bounce,
+                reach=s.max_ray_distance,
+                most_frames=s.settling_history if is_settling else s.history_frames,
+                forget_drift=int(is_settling),
+            )
+        )
+        self._place_settings.write(
+            PlaceSettings.pack(
+                lower=np.array(self.grid.lower) - self.world.origin,
+                spacing=spacing,
+                counts=np.array(self.grid.counts, np.uint32),
+                clearance=min(s.clearance * spacing, s.clearance_limit),
+                reach=s.relocation * spacing,
+                smallest_clearance=smallest,
+                jump=s.jump * spacing,
+            )
+        )
+
+
+def _spread(count: int) -> tuple[int, int]:
+    """Workgroups on two axes, at least `count` of them."""
+    x = min(count, GROUPS_IN_A_ROW)
+    return x, -(-count // x)

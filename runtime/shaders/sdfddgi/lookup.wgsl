@@ -1,0 +1,155 @@
+// Irradiance from the probes around a point (SDFDDGI, section 3.4): trilinear weights times the visibility that the
+// primitives give, renormalised. There is no weight by cosine or by depth statistics: what is seen counts, what is
+// hidden does not, so nothing leaks at any spacing.
+
+import package::lib::march::{trace_soft_visibility, trace_start};
+import package::lib::octahedral::{oct_tile_corner, oct_tile_position};
+import package::structs::{ProbeGridInfo};
+
+@group(2) @binding(0) var<uniform> probe_grid: ProbeGridInfo;
+@group(2) @binding(1) var<storage, read> probe_records: array<vec4f>;
+@group(2) @binding(2) var probe_atlas: texture_2d<f32>;
+@group(2) @binding(3) var probe_sampler: sampler;
+
+const GI_PI: f32 = 3.14159265358979;
+
+// A weight this small cannot be told from none.
+const GI_SMALLEST_WEIGHT: f32 = 1e-6;
+
+// The cell of eight probes around a point, and where in it the point is.
+struct ProbeCell {
+    base: vec3u,
+    fraction: vec3f,
+}
+
+fn probe_cell(position: vec3f) -> ProbeCell {
+    let last = vec3f(probe_grid.counts - 1u);
+    let place = clamp((position - probe_grid.lower) / probe_grid.spacing, vec3f(0.0), last);
+    let base = min(floor(place), max(last - 1.0, vec3f(0.0)));
+    return ProbeCell(vec3u(base), place - base);
+}
+
+fn probe_corner(cell: ProbeCell, corner: u32) -> vec3u {
+    return min(cell.base + (vec3u(corner, corner >> 1u, corner >> 2u) & vec3u(1u)), probe_grid.counts - 1u);
+}
+
+fn probe_weight(cell: ProbeCell, corner: u32) -> f32 {
+    let is_far = ((vec3u(corner, corner >> 1u, corner >> 2u)) & vec3u(1u)) == vec3u(1u);
+    let w = select(1.0 - cell.fraction, cell.fraction, is_far);
+    return w.x * w.y * w.z;
+}
+
+fn probe_index(place: vec3u) -> u32 {
+    return place.x + probe_grid.counts.x * (place.y + probe_grid.counts.y * place.z);
+}
+
+// What a probe stores for a normal.
+fn probe_irradiance(index: u32, normal: vec3f) -> vec3f {
+    let texel = oct_tile_position(oct_tile_corner(index, probe_grid.columns), normal);
+    let uv = texel / vec2f(textureDimensions(probe_atlas));
+    return textureSampleLevel(probe_atlas, probe_sampler, uv, 0.0).rgb * probe_records[index].w;
+}
+
+// Share of a probe that a point sees; 0 when the probe is off.
+fn probe_visibility(index: u32, start: vec3f) -> f32 {
+    let record = probe_records[index];
+    if record.w < 0.0 {
+        return 0.0;
+    }
+    let way = record.xyz - start;
+    let reach = length(way);
+    return trace_soft_visibility(start, way / max(reach, 1e-20), reach, probe_grid.softness);
+}
+
+// Where none of the eight probes is seen, the nearest seen ones of the next ring answer, weighted by the inverse
+// square of their distance in spacings; where those are hidden too, the answer is 0.
+fn probe_ring_irradiance(cell: ProbeCell, start: vec3f, normal: vec3f) -> vec4f {
+    var total = vec4f(0.0);
+    for (var i = 0u; i < 64u; i++) {
+        let offset = vec3i(vec3u(i, i >> 2u, i >> 4u) & vec3u(3u)) - 1;
+        let place = vec3i(cell.base) + offset;
+        let is_inner = all(offset >= vec3i(0)) && all(offset <= vec3i(1));
+        if is_inner || any(place < vec3i(0)) || any(place >= vec3i(probe_grid.counts)) {
+            continue;
+        }
+        let index = probe_index(vec3u(place));
+        let seen = probe_visibility(index, start);
+        if seen > 0.0 {
+            let way = (probe_records[index].xyz - start) / probe_grid.spacing;
+            let weight = seen / max(dot(way, way), 1e-3);
+            total += weight * vec4f(probe_irradiance(index, normal), 1.0);
+        }
+    }
+    return total;
+}
+
+fn gi_irradiance(position: vec3f, normal: vec3f, view: vec3f) -> vec3f {
+    let start = trace_start(position, normal);
+    if start.w == 0.0 {
+        return vec3f(0.0);
+    }
+    let cell = probe_cell(start.xyz);
+    var total = vec4f(0.0);
+    for (var corner = 0u; corner < 8u; corner++) {
+        let weight = probe_weight(cell, corner);
+        if weight < GI_SMALLEST_WEIGHT {
+            continue;
+        }
+        let index = probe_index(probe_corner(cell, corner));
+        let seen = weight * probe_visibility(index, start.xyz);
+        if seen > 0.0 {
+            total += seen * vec4f(probe_irradiance(index, normal), 1.0);
+        }
+    }
+    if total.w < GI_SMALLEST_WEIGHT {
+        total = probe_ring_irradiance(cell, start.xyz, normal);
+    }
+    return select(vec3f(0.0), total.rgb / total.w, total.w > 0.0);
+}
+
+// One of the eight probes, drawn by the same weights: its expected value is gi_irradiance, at about an eighth of the
+// cost. A probe that is not seen is struck off and another one drawn. u: uniform in [0, 1).
+fn gi_irradiance_of_one(position: vec3f, normal: vec3f, u: f32) -> vec3f {
+    let start = trace_start(position, normal);
+    if start.w == 0.0 {
+        return vec3f(0.0);
+    }
+    let cell = probe_cell(start.xyz);
+    var struck = 0u;
+    var share = u;
+    for (var draw = 0u; draw < 8u; draw++) {
+        var left = 0.0;
+        for (var corner = 0u; corner < 8u; corner++) {
+            left += select(probe_weight(cell, corner), 0.0, (struck >> corner & 1u) != 0u);
+        }
+        if left < GI_SMALLEST_WEIGHT {
+            break;
+        }
+        var rest = share * left;
+        var drawn = 0u;
+        for (var corner = 0u; corner < 8u; corner++) {
+            let weight = select(probe_weight(cell, corner), 0.0, (struck >> corner & 1u) != 0u);
+            if weight > 0.0 {
+                drawn = corner;
+                if rest < weight {
+                    share = rest / weight;
+                    break;
+                }
+                rest -= weight;
+            }
+        }
+        let index = probe_index(probe_corner(cell, drawn));
+        if probe_visibility(index, start.xyz) > 0.0 {
+            return probe_irradiance(index, normal);
+        }
+        struck |= 1u << drawn;
+    }
+    let ring = probe_ring_irradiance(cell, start.xyz, normal);
+    return select(vec3f(0.0), ring.rgb / ring.w, ring.w > 0.0);
+}
+
+// Radiance from the half of the sphere around a direction, weighted by the cosine to it: E / pi of a surface that
+// faces it. For fog and rough reflections.
+fn gi_radiance(position: vec3f, direction: vec3f) -> vec3f {
+    return gi_irradiance(position, direction, -direction) / GI_PI;
+}
