@@ -168,7 +168,8 @@ class GpuStruct:
         """One record: an array of shape () and type `dtype`.
 
         Every member is named. A matrix is (3, 3) or (4, 4), row by row; an array has its count as first
-        axis; a nested struct is a record or a dict of its members. TypeError says what is amiss.
+        axis; a nested struct is a record or a dict of its members, an array of them is records. TypeError
+        says what is amiss.
         """
         return cls.pack_array(1, **{name: _one_row(value) for name, value in values.items()}).reshape(())
 
@@ -236,7 +237,12 @@ def _store(target: np.ndarray, field: Field, column: Any, owner: type[GpuStruct]
     where = f"{owner.__name__}.{field.name}"
     rows = target.shape[:1] if field.count is None else (target.shape[0], field.count)
     if issubclass(field.type, GpuStruct):
-        target[...] = _as_records(field.type, column, rows, where)
+        if isinstance(column, Mapping) and field.count is None:
+            column = field.type.pack_array(rows[0], **column)
+        values = np.asarray(column)
+        if values.dtype != field.type.dtype:
+            raise TypeError(f"{where} takes records of {field.type.__name__}")
+        target[...] = values
         return
     values = np.asarray(column)
     if target.dtype.kind in "ui" and values.dtype.kind not in "uib":
@@ -248,15 +254,6 @@ def _store(target: np.ndarray, field: Field, column: Any, owner: type[GpuStruct]
         target[..., : shape[-1]] = values.swapaxes(-1, -2)
     else:
         target[...] = values
-
-
-def _as_records(struct: type[GpuStruct], column: Any, rows: tuple[int, ...], where: str) -> np.ndarray:
-    if isinstance(column, Mapping):
-        return struct.pack_array(rows[0], **column)
-    records = np.asarray(column)
-    if records.dtype != struct.dtype:
-        raise TypeError(f"{where} takes records of {struct.__name__} or a dict of its members")
-    return records
 
 
 def _round_up(value: int, multiple: int) -> int:
