@@ -98,7 +98,7 @@ class IrradianceProbes:
 
     def __init__(self, gpu: Gpu, grid: ProbeGrid, origin: Float64, softness: float) -> None:
         self.gpu, self.grid = gpu, grid
-        self.info = Buffer(gpu, ProbeGridInfo.size, "uniform", label="probe grid")
+        self.info = Buffer(gpu, ProbeGridInfo.dtype.itemsize, "uniform", label="probe grid")
         self.info.write(
             ProbeGridInfo.pack(
                 lower=np.array(grid.lower) - origin,

@@ -78,7 +78,7 @@ class Tracer:
             reach=np.broadcast_to(np.asarray(reach, dtype=np.float64), len(origins)),
             softness=np.full(len(origins), softness),
         )
-        hits = Buffer(self.gpu, RayHit.size * len(rays), label="hits")
+        hits = Buffer(self.gpu, RayHit.dtype.itemsize * len(rays), label="hits")
         rec = Recorder(self.gpu, label="trace")
         self.world.record(rec)
         with rec.compute(self._kernel.name) as compute_pass:

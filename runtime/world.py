@@ -103,7 +103,7 @@ class World:
         )
         self.version = 0
         self._build = Kernel(gpu, "world/build_candidates")
-        self._info = Buffer(gpu, WorldInfo.size, "uniform", label="world info")
+        self._info = Buffer(gpu, WorldInfo.dtype.itemsize, "uniform", label="world info")
         self._longest = Buffer(gpu, np.zeros(1, np.uint32), label="longest candidate list")
         self._records: Buffer | None = None
         self._lists: Buffer | None = None
