@@ -31,10 +31,10 @@ class LightMaps:
         self._origin = origin
         self._settings = settings
         self._meshes = meshes
-        self._header = Buffer(gpu, Lighting.size, "uniform", label="lighting")
+        self._header = Buffer(gpu, Lighting.dtype.itemsize, "uniform", label="lighting")
         self._sampler = Sampler(gpu, "linear", compare="greater-equal", label="shadow_sampler")
         self._kernel: RasterKernel | None = None
-        self._lights = Buffer(gpu, Light.size, "storage", label="lights")
+        self._lights = Buffer(gpu, Light.dtype.itemsize, "storage", label="lights")
         self._tiles: tuple[Tile, ...] = ()
         self._tile_lights: list[Buffer] = []
         self._placement: object = None

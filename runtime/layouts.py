@@ -5,6 +5,32 @@ After a change: `python -m runtime.structs`.
 
 from __future__ import annotations
 
+from runtime.camera import Frame
+from runtime.lights import Light, Lighting
+from runtime.meshes import Instance, SurfaceMaterial
+from runtime.probes import ProbeGridInfo
+from runtime.sdfddgi import PlaceSettings, ProbeHistory, UpdateSettings
+from runtime.sky import SkyModel
 from runtime.structs import GpuStruct
+from runtime.technique import GatherInfo
+from runtime.tracer import RayHit, TracedRay
+from runtime.views import Display
+from runtime.world import WorldInfo
 
-STRUCTS: tuple[type[GpuStruct], ...] = ()
+STRUCTS: tuple[type[GpuStruct], ...] = (
+    Frame,
+    SkyModel,
+    Light,
+    Lighting,
+    Instance,
+    SurfaceMaterial,
+    Display,
+    WorldInfo,
+    GatherInfo,
+    TracedRay,
+    RayHit,
+    ProbeGridInfo,
+    PlaceSettings,
+    UpdateSettings,
+    ProbeHistory,
+)

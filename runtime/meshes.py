@@ -77,7 +77,7 @@ class SceneMeshes:
             -1, 4, 4
         )
         self._previous = self._placements
-        self._instances = Buffer(gpu, max(len(self._order), 1) * Instance.size, "storage", label="instances")
+        self._instances = Buffer(gpu, max(len(self._order), 1) * Instance.dtype.itemsize, "storage", label="instances")
         self._write_instances()
         self.notes = (*_transmission_note(scene), *self._textures.notes)
 

@@ -88,7 +88,7 @@ class Renderer:
         self.gbuffer = GBuffer(gpu, size)
         self._lights = LightMaps(gpu, self.world.origin, self.settings.shadows, self.meshes)
         self._sky = SkyMap(gpu, self.illumination.sky)
-        self._frame = Buffer(gpu, Frame.size, "uniform", label="frame")
+        self._frame = Buffer(gpu, Frame.dtype.itemsize, "uniform", label="frame")
         self._draw_gbuffer = GBufferPass(gpu)
         self._direct = DirectLight(gpu, size)
         self._indirect = Texture(gpu, size, "rgba32float", "sample|storage", label="indirect_irradiance")

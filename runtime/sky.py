@@ -119,7 +119,7 @@ class SkyMap:
 
     def __init__(self, gpu: Gpu, sky: Sky) -> None:
         self._gpu = gpu
-        self._model = Buffer(gpu, SkyModel.size, "uniform", label="sky")
+        self._model = Buffer(gpu, SkyModel.dtype.itemsize, "uniform", label="sky")
         self.set(sky)
 
     def set(self, sky: Sky) -> None:

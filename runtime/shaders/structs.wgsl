@@ -1,1 +1,138 @@
 // Generated from runtime/layouts.py by `python -m runtime.structs`: edit the classes instead.
+
+struct Frame {  // 240 bytes
+    clip_from_local: mat4x4f,           // 0
+    previous_clip_from_local: mat4x4f,  // 64
+    local_from_view: mat4x4f,           // 128
+    camera: vec3f,                      // 192
+    frame_index: u32,                   // 204
+    extent: vec2f,                      // 208
+    depth_map: vec2f,                   // 216
+    size: vec2u,                        // 224
+    orthographic: u32,                  // 232
+    near: f32,                          // 236
+}
+
+struct SkyModel {  // 48 bytes
+    base: vec3f,       // 0
+    has_picture: u32,  // 12
+    slope: vec3f,      // 16
+    axis: vec3f,       // 32
+}
+
+struct Light {  // 224 bytes
+    clip_from_local: mat4x4f,   // 0
+    local_from_light: mat4x4f,  // 64
+    color: vec3f,               // 128
+    kind: u32,                  // 140
+    position: vec3f,            // 144
+    range: f32,                 // 156
+    axis: vec3f,                // 160
+    has_tile: u32,              // 172
+    tile_corner: vec2f,         // 176
+    extent: vec2f,              // 184
+    depth_map: vec2f,           // 192
+    tile_size: f32,             // 200
+    texel_size: f32,            // 204
+    angle_scale: f32,           // 208
+    angle_offset: f32,          // 212
+}
+
+struct Lighting {  // 24 bytes
+    atlas_size: vec2f,          // 0
+    count: u32,                 // 8
+    rsm_tolerance: f32,         // 12
+    rsm_normal_agreement: f32,  // 16
+}
+
+struct Instance {  // 128 bytes
+    local_from_mesh: mat4x4f,           // 0
+    previous_local_from_mesh: mat4x4f,  // 64
+}
+
+struct SurfaceMaterial {  // 48 bytes
+    base_color: vec4f,  // 0
+    emission: vec3f,    // 16
+    alpha_cutoff: f32,  // 28
+    roughness: f32,     // 32
+    metallic: f32,      // 36
+}
+
+struct Display {  // 8 bytes
+    exposure: f32,    // 0
+    tone_curve: u32,  // 4
+}
+
+struct WorldInfo {  // 64 bytes
+    grid_lower: vec3f,     // 0
+    grid_cell: f32,        // 12
+    grid_upper: vec3f,     // 16
+    stride: u32,           // 28
+    grid_size: vec3u,      // 32
+    primitive_count: u32,  // 44
+    finite_count: u32,     // 48
+    hit_distance: f32,     // 52
+    start_margin: f32,     // 56
+    start_limit: f32,      // 60
+}
+
+struct GatherInfo {  // 4 bytes
+    count: u32,  // 0
+}
+
+struct TracedRay {  // 32 bytes
+    origin: vec3f,     // 0
+    reach: f32,        // 12
+    direction: vec3f,  // 16
+    softness: f32,     // 28
+}
+
+struct RayHit {  // 64 bytes
+    position: vec3f,  // 0
+    t: f32,           // 12
+    normal: vec3f,    // 16
+    primitive: u32,   // 28
+    albedo: vec3f,    // 32
+    steps: u32,       // 44
+    emission: vec3f,  // 48
+    visibility: f32,  // 60
+}
+
+struct ProbeGridInfo {  // 48 bytes
+    lower: vec3f,   // 0
+    spacing: f32,   // 12
+    counts: vec3u,  // 16
+    columns: u32,   // 28
+    softness: f32,  // 32
+}
+
+struct PlaceSettings {  // 48 bytes
+    lower: vec3f,             // 0
+    spacing: f32,             // 12
+    counts: vec3u,            // 16
+    clearance: f32,           // 28
+    reach: f32,               // 32
+    smallest_clearance: f32,  // 36
+    jump: f32,                // 40
+}
+
+struct UpdateSettings {  // 40 bytes
+    probe_count: u32,   // 0
+    columns: u32,       // 4
+    batches: u32,       // 8
+    fresh_factor: u32,  // 12
+    frame: u32,         // 16
+    seed: u32,          // 20
+    bounce: f32,        // 24
+    reach: f32,         // 28
+    most_frames: f32,   // 32
+    forget_drift: u32,  // 36
+}
+
+struct ProbeHistory {  // 20 bytes
+    frames: f32,   // 0
+    fluence: f32,  // 4
+    drift: f32,    // 8
+    spread: f32,   // 12
+    age: f32,      // 16
+}

@@ -1,8 +1,8 @@
 // How many steps the sphere tracer takes along each pixel's ray.
 
-import package::lib::candidates::{FAR, NO_PRIMITIVE};
 import package::lib::frame::{frame, frame_ray};
 import package::lib::march::{trace};
+import package::world::bindings::{FAR, NO_PRIMITIVE};
 
 @group(0) @binding(0) var layer: texture_storage_2d<rgba32float, write>;
 

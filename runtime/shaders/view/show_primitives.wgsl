@@ -1,10 +1,9 @@
 // The primitive set as it is, seen from the camera: albedo shaded by the angle of view, edges of faces dark.
 
 import package::lib::frame::{frame, frame_ray};
-import package::lib::candidates::{NO_PRIMITIVE, FAR};
 import package::lib::march::{trace};
 import package::lib::primitives::{shape_face};
-import package::lib::candidates::{world_shape};
+import package::world::bindings::{FAR, NO_PRIMITIVE, world_shape};
 
 @group(0) @binding(0) var layer: texture_storage_2d<rgba32float, write>;
 
