@@ -88,7 +88,7 @@ class Material:
 
 @dataclass(frozen=True)
 class Mesh:
-    """One glTF primitive: triangles of one material in their own local space.
+    """One glTF primitive: triangles of one material in their own local space, morph targets mixed in.
 
     positions (n, 3) float64, normals (n, 3) float64 of unit length (computed where the file has none),
     texcoords one (n, 2) float64 for each set, colors (n, 4) float64 linear or None, triangles (m, 3) uint32.
@@ -115,7 +115,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Instance:
-    """A mesh drawn at a place. A skinned or morphed mesh is posed already and has the identity."""
+    """A mesh drawn at a place. A skinned mesh is posed in world space already and has the identity."""
 
     mesh: int
     node: int
@@ -151,7 +151,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Scene:
-    """A whole file. `repairs` counts what was mended, `ignored` names what was left out; neither is silent."""
+    """A whole file. `repairs` counts what was mended, `ignored` names what was left out: nothing is silent."""
 
     source: Path
     meshes: tuple[Mesh, ...] = ()

@@ -1,14 +1,14 @@
-"""Accessors -> arrays: every component type and shape, normalised, interleaved, sparse (glTF 2.0, section 3.6.2)."""
+"""Accessors -> arrays: every component type and shape, normalised, sparse (glTF 2.0, section 3.6.2)."""
 
 from __future__ import annotations
 
+from collections.abc import Sized
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fit.gltf.container import Document
-from fit.gltf.errors import GltfError
 from fit.gltf.json_object import JsonObject
 from fit.gltf.resources import Resources
 
@@ -20,6 +20,8 @@ COMPONENT_TYPES = {
     5125: np.dtype("<u4"),
     5126: np.dtype("<f4"),
 }
+Rows = NDArray[np.integer] | None
+
 SPARSE_INDEX_TYPES = {key: COMPONENT_TYPES[key] for key in (5121, 5123, 5125)}
 SHAPES = {
     "SCALAR": (1, 1),
@@ -32,8 +34,8 @@ SHAPES = {
 }
 """Columns and rows of each accessor type; a vector is one column."""
 
-MAX_UNBACKED_VALUES = 1 << 27
-"""Numbers that a file may ask for without storing them (no buffer view means zeros); 1 GiB as float64."""
+MAX_MADE_VALUES = 1 << 27
+"""Numbers that a file may ask for without storing them (no buffer view means zeros), or copied (sparse)."""
 
 
 class Accessors:
@@ -42,27 +44,26 @@ class Accessors:
     def __init__(self, document: Document, resources: Resources) -> None:
         self.document = document
         self.resources = resources
-        self._unbacked_values = 0
+        self._made_values = 0
+        self._made: dict[int, NDArray[Any]] = {}
 
     def definition(self, index: int) -> JsonObject:
         return self.document.accessors[index]
 
     def count(self, index: int) -> int:
         """Elements the accessor declares."""
-        return self.definition(index).integer("count", minimum=1)
-
-    def component_type(self, index: int) -> np.dtype[Any]:
-        return self.definition(index).choice("componentType", COMPONENT_TYPES)
+        return self.definition(index).integer("count")
 
     def is_backed(self, index: int) -> bool:
         """Whether the file stores values for it (Draco attributes may come without)."""
         return "bufferView" in self.definition(index)
 
-    def floats(self, index: int, *types: str) -> NDArray[np.float64]:
+    def floats(self, index: int, *types: str, rows: Rows = None) -> NDArray[np.float64]:
         """Values as float64, normalised where the accessor says so.
 
         Args:
             types: the accessor types that fit here, "VEC3" for one.
+            rows: the elements to read, all of them without.
 
         Returns:
             (count,) for SCALAR, (count, n) for vectors, (count, rows, columns) for matrices.
@@ -71,7 +72,8 @@ class Accessors:
             GltfError: a value of the wrong type, or data that is not in the buffers.
         """
         accessor = self._checked(index, types)
-        return self._shaped(accessor, normalize(self._elements(accessor), accessor))
+        elements = self._elements(index, accessor)
+        return self._shaped(accessor, normalize(elements if rows is None else elements[rows], accessor))
 
     def integers(self, index: int, *types: str) -> NDArray[np.int64]:
         """Values as int64, shapes as in `floats`.
@@ -80,7 +82,7 @@ class Accessors:
             GltfError: as in `floats`, and for floating-point accessors.
         """
         accessor = self._checked(index, types)
-        elements = self._elements(accessor)
+        elements = self._elements(index, accessor)
         if elements.dtype.kind == "f":
             raise accessor.error("must hold integers, not floats; export the file again", "componentType")
         return self._shaped(accessor, elements.astype(np.int64))
@@ -100,26 +102,28 @@ class Accessors:
             return np.ascontiguousarray(elements.transpose(0, 2, 1))
         return np.ascontiguousarray(elements[:, 0, 0] if rows == 1 else elements[:, 0])
 
-    def _elements(self, accessor: JsonObject) -> NDArray[Any]:
-        """The stored values (count, columns, rows) with sparse substitution done."""
+    def _elements(self, index: int, accessor: JsonObject) -> NDArray[Any]:
+        """The stored values (count, columns, rows) with sparse substitution done; do not write to them."""
+        if index in self._made:
+            return self._made[index]
         dtype = accessor.choice("componentType", COMPONENT_TYPES)
         columns, rows = accessor.choice("type", SHAPES)
-        count = accessor.integer("count", minimum=1)
+        count = accessor.integer("count")
         view = accessor.reference("bufferView", len(self.document.buffer_views), "bufferViews")
-        if view is not None:
-            elements = self._strided(accessor, view, dtype, count, columns, rows)
-        else:
-            elements = self._zeros(accessor, dtype, count, columns, rows)
         sparse = accessor.object("sparse")
-        return elements if sparse is None else self._substitute(sparse, elements)
-
-    def _zeros(
-        self, accessor: JsonObject, dtype: np.dtype[Any], count: int, columns: int, rows: int
-    ) -> NDArray[Any]:
-        self._unbacked_values += count * columns * rows
-        if self._unbacked_values > MAX_UNBACKED_VALUES:
-            raise accessor.error("asks for absurdly many values that the file does not store", "count")
-        return np.zeros((count, columns, rows), dtype)
+        if view is None or sparse is not None:
+            self._made_values += count * columns * rows
+            if self._made_values > MAX_MADE_VALUES:
+                raise accessor.error("asks for absurdly many values that the file does not store", "count")
+        if view is None:
+            elements = np.zeros((count, columns, rows), dtype)
+        else:
+            elements = self._strided(accessor, view, dtype, count, columns, rows)
+        if sparse is not None:
+            elements = self._substitute(sparse, elements)
+        if view is None or sparse is not None:
+            self._made[index] = elements
+        return elements
 
     def _strided(
         self, accessor: JsonObject, view: int, dtype: np.dtype[Any], count: int, columns: int, rows: int
@@ -135,7 +139,7 @@ class Accessors:
         if stride < used:
             raise definition.error(f"{stride} bytes are less than one element of {used}", "byteStride")
         offset = accessor.integer("byteOffset", 0)
-        end = offset + (count - 1) * stride + used
+        end = offset + (count - 1) * stride + used if count else 0
         if end > len(data):
             what = f"{count} elements end at byte {end} of {definition.path}, which has {len(data)}"
             raise accessor.error(f"{what}; the file is damaged, export it again", "count")
@@ -143,7 +147,9 @@ class Accessors:
         return np.ndarray((count, columns, rows), dtype, data, offset, strides)
 
     def _substitute(self, sparse: JsonObject, base: NDArray[Any]) -> NDArray[Any]:
-        count = sparse.integer("count", minimum=1)
+        count = sparse.integer("count")
+        if count == 0:
+            return base
         if count > len(base):
             raise sparse.error(f"{count} values for an accessor of {len(base)}", "count")
         where, values = sparse.object("indices"), sparse.object("values")
@@ -153,7 +159,7 @@ class Accessors:
         index_type = where.choice("componentType", SPARSE_INDEX_TYPES)
         index_view = where.required_reference("bufferView", views, "bufferViews")
         indices = self._strided(where, index_view, index_type, count, 1, 1)[:, 0, 0]
-        if indices.max() >= len(base):
+        if indices.max(initial=0) >= len(base):
             raise where.error(f"index {indices.max()} is out of range, the accessor has {len(base)} elements")
         value_view = values.required_reference("bufferView", views, "bufferViews")
         elements = base.copy()
@@ -162,7 +168,7 @@ class Accessors:
 
 
 def normalize(values: NDArray[Any], accessor: JsonObject) -> NDArray[np.float64]:
-    """Stored values as float64, mapped to [0, 1] or [-1, 1] where the accessor is normalised (section 3.6.2.2).
+    """Stored values as float64, in [0, 1] or [-1, 1] where the accessor is normalised (section 3.6.2.2).
 
     Raises:
         GltfError: a normalised accessor of 32-bit integers, which glTF forbids.
@@ -177,17 +183,12 @@ def normalize(values: NDArray[Any], accessor: JsonObject) -> NDArray[np.float64]
     return np.maximum(floats, -1.0)
 
 
-def check_length(accessor: JsonObject, values: NDArray[Any], expected: int, what: str) -> None:
-    """Refuse an attribute that doesn't have one value for each vertex.
+def check_length(owner: JsonObject, name: str, values: Sized, expected: int) -> None:
+    """Refuse the attribute `name` of `owner` if it doesn't have `expected` values.
 
     Raises:
         GltfError: the counts differ.
     """
     if len(values) != expected:
-        raise _length_error(accessor, len(values), expected, what)
-
-
-def _length_error(accessor: JsonObject, found: int, expected: int, what: str) -> GltfError:
-    return accessor.error(
-        f"{what} has {found} values for {expected} vertices; export the file again", "count"
-    )
+        what = f"has {len(values)} values where {expected} are expected; export the file again"
+        raise owner.error(what, name)

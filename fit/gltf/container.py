@@ -1,4 +1,4 @@
-"""The two containers, .gltf and .glb: bytes -> JSON document and binary chunk (glTF 2.0, sections 3 and 4)."""
+"""The two containers, .gltf and .glb: bytes -> JSON document and binary chunk (glTF 2.0, section 4)."""
 
 from __future__ import annotations
 
@@ -17,24 +17,7 @@ CHUNK_JSON = 0x4E4F534A
 CHUNK_BIN = 0x004E4942
 
 _CONVERT_MESH = "python -c \"import trimesh; trimesh.load('{name}').export('{stem}.glb')\""
-OTHER_FORMATS = frozenset(
-    {
-        ".obj",
-        ".stl",
-        ".ply",
-        ".off",
-        ".3mf",
-        ".dae",
-        ".fbx",
-        ".usd",
-        ".usda",
-        ".usdc",
-        ".usdz",
-        ".blend",
-        ".b3dm",
-    }
-)
-TRIMESH_FORMATS = frozenset({".obj", ".stl", ".ply", ".off", ".3mf", ".dae"})
+TRIMESH_FORMATS = frozenset({".obj", ".stl", ".ply", ".off"})
 
 
 @dataclass(frozen=True)
@@ -113,7 +96,7 @@ def read_document(file: Path) -> Document:
     binary = None
     if data[:4] == GLB_MAGIC:
         text, binary = _split_glb(file, data)
-    elif file.suffix.lower() in OTHER_FORMATS or not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
+    elif not data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
         raise GltfError(file, "container", _not_gltf(file))
     root = JsonObject(file, "", _parse_json(file, bytes(text)))
     _check_version(root)

@@ -13,7 +13,12 @@ class GltfError(ValueError):
     """
 
     def __init__(self, file: Path | str, place: str, what: str) -> None:
-        super().__init__(f"{file}: {place}: {what}")
+        super().__init__(printable(f"{file}: {place}: {what}"))
         self.file = str(file)
         self.place = place
         self.what = what
+
+
+def printable(text: str) -> str:
+    """Text without lone surrogates, which JSON may escape and no terminal or file can encode."""
+    return text.encode("utf-8", "replace").decode("utf-8")

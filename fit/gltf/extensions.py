@@ -6,6 +6,7 @@ from collections import Counter
 from typing import Any
 
 from fit.gltf.container import Document
+from fit.gltf.errors import printable
 from fit.gltf.notes import Notes
 
 READ = frozenset(
@@ -77,7 +78,7 @@ CONVERSIONS = {
 
 
 def extension_remedy(name: str) -> str:
-    """What an extension that can't be read means for the user: its name and the command that converts the file."""
+    """What the user can do about an extension that can't be read: the command that converts the file."""
     if name in CONVERSIONS:
         return f"{name} is not supported; convert the file with `{CONVERSIONS[name]}`"
     return f"the file requires the unknown extension {name}; export the file without it"
@@ -112,7 +113,7 @@ def _count_extension_objects(root: Any) -> Counter[str]:
         if isinstance(value, dict):
             extensions = value.get("extensions")
             if isinstance(extensions, dict):
-                found.update(extensions.keys())
+                found.update(map(printable, extensions))
             waiting.extend(child for child in value.values() if isinstance(child, (dict, list)))
         elif value and isinstance(value[0], (dict, list)):
             waiting.extend(child for child in value if isinstance(child, (dict, list)))

@@ -12,7 +12,6 @@ import numpy as np
 from PIL import Image as PillowImage
 from PIL import UnidentifiedImageError
 
-from fit.gltf.extensions import BASISU_EXTENSION, CONVERSIONS
 from fit.gltf.json_object import JsonObject
 from fit.scene import Image, UInt8
 
@@ -41,6 +40,10 @@ def can_decode(name: str) -> bool:
     return name in PillowImage.OPEN
 
 
+def is_ktx2(image: EncodedImage) -> bool:
+    return bytes(image.data[: len(KTX2_MAGIC)]) == KTX2_MAGIC
+
+
 def decode_images(encoded: Sequence[EncodedImage]) -> tuple[Image, ...]:
     """Decode all images, in parallel: Pillow releases the interpreter while it decodes.
 
@@ -65,9 +68,6 @@ def _check_sizes(encoded: Sequence[EncodedImage]) -> None:
 
 
 def _open(image: EncodedImage) -> PillowImage.Image:
-    if bytes(image.data[: len(KTX2_MAGIC)]) == KTX2_MAGIC:
-        what = f"is a KTX2 texture, which is not supported; convert the file with `{CONVERSIONS[BASISU_EXTENSION]}`"
-        raise image.definition.error(what)
     formats = [name for name in FORMATS if can_decode(name)]
     try:
         return PillowImage.open(io.BytesIO(image.data), formats=formats)

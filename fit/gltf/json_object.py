@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fit.gltf.errors import GltfError
+from fit.gltf.errors import GltfError, printable
 
 LARGEST_INTEGER = 2**53
 """Above it a JSON number is no longer exact in the readers that most exporters are tested with."""
@@ -69,7 +70,7 @@ class JsonObject:
         value = self.values[key]
         if not isinstance(value, str):
             raise self._wrong_type(key, "a string")
-        return value
+        return printable(value)
 
     def boolean(self, key: str, default: bool = False) -> bool:
         """true or false; errors as in `integer`."""
@@ -84,7 +85,7 @@ class JsonObject:
         if value is None:
             raise self.error(f"required, one of {', '.join(map(str, allowed))}", key)
         if isinstance(value, (dict, list, bool)) or value not in allowed:
-            raise self.error(f"{value!r} is not one of {', '.join(map(str, allowed))}", key)
+            raise self.error(f"{reprlib.repr(value)} is not one of {', '.join(map(str, allowed))}", key)
         return allowed[value]
 
     def numbers(self, key: str, count: int, default: tuple[float, ...] | None = None) -> tuple[float, ...]:
@@ -145,7 +146,7 @@ class JsonObject:
         values = self._array(key)
         if not all(isinstance(value, str) for value in values):
             raise self.error("must be an array of strings", key)
-        return tuple(values)
+        return tuple(printable(value) for value in values)
 
     def extension(self, name: str) -> JsonObject | None:
         """The extension object `name` of this object, None where it has none."""
@@ -172,8 +173,7 @@ class JsonObject:
 
     def _wrong_type(self, key: str, wanted: str, value: Any = None) -> GltfError:
         value = self.values.get(key) if value is None else value
-        text = repr(value)
-        return self.error(f"must be {wanted}, not {text if len(text) <= 60 else text[:57] + '...'}", key)
+        return self.error(f"must be {wanted}, not {reprlib.repr(value)}", key)
 
 
 def _is_number(value: Any) -> bool:

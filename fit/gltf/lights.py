@@ -6,15 +6,14 @@ import math
 
 from fit.gltf.container import Document
 from fit.gltf.json_object import JsonObject
+from fit.gltf.nodes import NodeGraph
 from fit.scene import Camera, Float64, Light, LightKind, Node
 
 LIGHTS_EXTENSION = "KHR_lights_punctual"
 KINDS = {kind.value: kind for kind in LightKind}
 
 
-def read_lights(
-    document: Document, nodes: tuple[Node, ...], drawn: list[int], scale: float
-) -> tuple[Light, ...]:
+def read_lights(document: Document, graph: NodeGraph, drawn: list[int], scale: float) -> tuple[Light, ...]:
     """A light for each drawn node that carries one.
 
     `scale` mends a file whose unit is not the metre, so that the picture stays the same: ranges grow with the
@@ -24,10 +23,10 @@ def read_lights(
     definitions = extension.objects("lights") if extension else []
     found = []
     for index in drawn:
-        use = document.nodes[index].extension(LIGHTS_EXTENSION)
+        use = document.nodes[graph.definitions[index]].extension(LIGHTS_EXTENSION)
         if use is not None:
             light = definitions[use.required_reference("light", len(definitions), "lights")]
-            found.append(_light(light, nodes[index], scale))
+            found.append(_light(light, graph.nodes[index], scale))
     return tuple(found)
 
 
@@ -38,8 +37,8 @@ def _light(definition: JsonObject, node: Node, scale: float) -> Light:
     inner, outer = 0.0, math.pi / 4
     spot = definition.object("spot") if kind is LightKind.SPOT else None
     if spot is not None:
-        inner = spot.number("innerConeAngle", 0.0, minimum=0.0, maximum=math.pi / 2)
-        outer = spot.number("outerConeAngle", math.pi / 4, minimum=0.0, maximum=math.pi / 2 + 1e-6)
+        inner = spot.number("innerConeAngle", 0.0, minimum=0.0)
+        outer = min(spot.number("outerConeAngle", math.pi / 4, minimum=0.0), math.pi / 2)
     return Light(
         name=definition.string("name", node.name),
         kind=kind,
@@ -52,17 +51,17 @@ def _light(definition: JsonObject, node: Node, scale: float) -> Light:
     )
 
 
-def read_cameras(
-    document: Document, nodes: tuple[Node, ...], drawn: list[int], scale: float
-) -> tuple[Camera, ...]:
+def read_cameras(document: Document, graph: NodeGraph, drawn: list[int], scale: float) -> tuple[Camera, ...]:
     """A camera for each drawn node that carries one; its lengths are multiplied by `scale`."""
     found = []
     for index in drawn:
-        number = document.nodes[index].reference("camera", len(document.cameras), "cameras")
+        number = document.nodes[graph.definitions[index]].reference(
+            "camera", len(document.cameras), "cameras"
+        )
         if number is not None:
             definition = document.cameras[number]
-            name = definition.string("name", nodes[index].name)
-            found.append(_camera(definition, name, nodes[index].world_from_local, scale))
+            name = definition.string("name", graph.nodes[index].name)
+            found.append(_camera(definition, name, graph.nodes[index].world_from_local, scale))
     return tuple(found)
 
 

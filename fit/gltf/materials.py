@@ -1,15 +1,14 @@
-"""Materials and their textures (glTF 2.0, section 3.9, and the KHR_materials extensions that change base colours)."""
+"""Materials and their textures (glTF 2.0, section 3.9)."""
 
 from __future__ import annotations
 
 import math
-from typing import TypeVar
 
 import numpy as np
 
 from fit.gltf.container import Document
-from fit.gltf.extensions import BASISU_EXTENSION, extension_remedy
-from fit.gltf.images import EncodedImage, can_decode, decode_images
+from fit.gltf.extensions import BASISU_EXTENSION, CONVERSIONS, extension_remedy
+from fit.gltf.images import EncodedImage, can_decode, decode_images, is_ktx2
 from fit.gltf.json_object import JsonObject
 from fit.gltf.notes import Notes
 from fit.gltf.resources import Resources
@@ -19,9 +18,7 @@ WRAPS = {10497: Wrap.REPEAT, 33648: Wrap.MIRROR, 33071: Wrap.CLAMP}
 LINEAR_FILTERS = {9728: False, 9729: True}
 ALPHA_MODES = {mode.value: mode for mode in AlphaMode}
 PILLOW_EXTENSIONS = {"EXT_texture_webp": "WEBP", "EXT_texture_avif": "AVIF"}
-BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
-
-Key = TypeVar("Key")
+BLACK = (0.0, 0.0, 0.0)
 
 
 class Materials:
@@ -36,7 +33,7 @@ class Materials:
         self._encoded: list[EncodedImage] = []
         self._material_numbers: dict[int | None, int] = {}
         self._texture_numbers: dict[int, int | None] = {}
-        self._image_numbers: dict[int, int] = {}
+        self._image_numbers: dict[int, int | None] = {}
 
     def use(self, index: int | None) -> int:
         """The number in `materials` of the file's material `index`; None is glTF's default material."""
@@ -78,9 +75,7 @@ class Materials:
             alpha_cutoff=definition.number("alphaCutoff", 0.5, minimum=0.0),
             double_sided=definition.boolean("doubleSided"),
             unlit=definition.extension("KHR_materials_unlit") is not None,
-            transmission=transmission.number("transmissionFactor", 0.0, minimum=0.0, maximum=1.0)
-            if transmission
-            else 0.0,
+            transmission=self._unit(transmission, "transmissionFactor", 0.0) if transmission else 0.0,
         )
 
     def _surface(
@@ -91,7 +86,7 @@ class Materials:
         if glossy is not None:
             if "specularGlossinessTexture" in glossy:
                 self.notes.ignore("specularGlossinessTexture")
-            roughness = 1.0 - glossy.number("glossinessFactor", 1.0, minimum=0.0, maximum=1.0)
+            roughness = 1.0 - self._unit(glossy, "glossinessFactor", 1.0)
             diffuse = self._texture_use(glossy, "diffuseTexture")
             return _color4(glossy, "diffuseFactor"), diffuse, 0.0, roughness, None
         rough = definition.object("pbrMetallicRoughness")
@@ -100,10 +95,17 @@ class Materials:
         return (
             _color4(rough, "baseColorFactor"),
             self._texture_use(rough, "baseColorTexture"),
-            rough.number("metallicFactor", 1.0, minimum=0.0, maximum=1.0),
-            rough.number("roughnessFactor", 1.0, minimum=0.0, maximum=1.0),
+            self._unit(rough, "metallicFactor", 1.0),
+            self._unit(rough, "roughnessFactor", 1.0),
             self._texture_use(rough, "metallicRoughnessTexture"),
         )
+
+    def _unit(self, owner: JsonObject, key: str, default: float) -> float:
+        """A factor of 0 to 1; exporters overshoot now and then."""
+        value = owner.number(key, default)
+        clamped = min(max(value, 0.0), 1.0)
+        self.notes.repair("material factors clamped to 0 to 1", int(value != clamped))
+        return clamped
 
     def _note_ignored_textures(self, definition: JsonObject, transmission: JsonObject | None) -> None:
         for key, factor in (("normalTexture", "scale"), ("occlusionTexture", "strength")):
@@ -130,32 +132,47 @@ class Materials:
     def _texture(self, index: int) -> int | None:
         if index not in self._texture_numbers:
             definition = self.document.textures[index]
-            image = self._source(definition)
+            image = self._image_of(definition)
             self._texture_numbers[index] = None if image is None else len(self.textures)
             if image is not None:
-                self.textures.append(self._sampled(definition, self._image(image)))
+                self.textures.append(self._sampled(definition, image))
         return self._texture_numbers[index]
 
-    def _source(self, definition: JsonObject) -> int | None:
-        """The image that the texture shows, None where there is none that can be read (which is noted)."""
+    def _image_of(self, definition: JsonObject) -> int | None:
+        """The number of the image that a texture shows, None where no source can be read (which is noted).
+
+        Raises:
+            GltfError: the file requires a format that can't be read, or an image file is missing.
+        """
         images = len(self.document.images)
         for name, pillow_format in PILLOW_EXTENSIONS.items():
             better = definition.extension(name)
             if better is not None and can_decode(pillow_format):
-                return better.required_reference("source", images, "images")
+                return self._image(better.required_reference("source", images, "images"))
+        compressed = definition.extension(BASISU_EXTENSION)
         source = definition.reference("source", images, "images")
-        if source is not None:
-            return source
+        if source is not None and not (compressed is not None and self._is_missing(source)):
+            return self._image(source)
         extensions = definition.object("extensions")
         for name in extensions.values if extensions else ():
             if name in self.document.extensions_required:
                 raise definition.error(extension_remedy(name))
-        if extensions and extensions.values:
-            what = " or ".join(extensions.values)
-            self.notes.ignore(f"textures whose only image needs {what} (the factor alone is used)")
+        if compressed is not None:
+            self._note_ktx2()
         else:
-            self.notes.ignore("textures without an image")
+            self.notes.ignore("textures without an image that can be read, their factor alone is used")
         return None
+
+    def _is_missing(self, index: int) -> bool:
+        """Whether an image is a file that is not there (converters to KTX2 delete what they converted)."""
+        definition = self.document.images[index]
+        return "bufferView" not in definition and not self.resources.has_uri(definition)
+
+    def _note_ktx2(self) -> None:
+        remedy = CONVERSIONS[BASISU_EXTENSION]
+        self.notes.ignore(
+            f"KTX2 textures, their factor alone is used ({BASISU_EXTENSION}; to keep them: {remedy})"
+        )
 
     def _sampled(self, definition: JsonObject, image: int) -> Texture:
         samplers = self.document.samplers
@@ -170,11 +187,15 @@ class Materials:
             sampler.choice("magFilter", LINEAR_FILTERS, 9729),
         )
 
-    def _image(self, index: int) -> int:
+    def _image(self, index: int) -> int | None:
         if index not in self._image_numbers:
-            definition = self.document.images[index]
-            self._image_numbers[index] = len(self._encoded)
-            self._encoded.append(self._encoded_image(index, definition))
+            encoded = self._encoded_image(index, self.document.images[index])
+            if is_ktx2(encoded):
+                self._note_ktx2()
+                self._image_numbers[index] = None
+            else:
+                self._image_numbers[index] = len(self._encoded)
+                self._encoded.append(encoded)
         return self._image_numbers[index]
 
     def _encoded_image(self, index: int, definition: JsonObject) -> EncodedImage:
@@ -188,7 +209,7 @@ class Materials:
 
 
 def texture_transform(extension: JsonObject) -> Float64:
-    """The (3, 3) matrix T R S of KHR_texture_transform; a positive rotation turns counter-clockwise, v down."""
+    """The (3, 3) matrix T R S of KHR_texture_transform; v points down, rotation is counter-clockwise."""
     offset = extension.numbers("offset", 2, (0.0, 0.0))
     scale = extension.numbers("scale", 2, (1.0, 1.0))
     rotation = extension.number("rotation", 0.0)

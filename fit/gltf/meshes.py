@@ -52,7 +52,7 @@ def to_mesh(file: str, primitive: Primitive, material: int, notes: Notes) -> Mes
 
 def _drop_non_finite(file: str, primitive: Primitive, notes: Notes) -> Primitive:
     """Without the vertices at NaN or infinity and the triangles that touch them."""
-    finite = np.isfinite(primitive.positions).all(axis=1)
+    finite = np.all(np.isfinite(primitive.positions), axis=1)
     if finite.all():
         return primitive
     if not finite.any():

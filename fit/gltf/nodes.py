@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,75 +18,113 @@ Float64 = NDArray[np.float64]
 LARGEST_TRANSFORM = 1e15
 """Entries of a world matrix above it are damage: float64 has no millimetres left out there."""
 
+MAX_NODES = 1_000_000
+
 INSTANCING_EXTENSION = "EXT_mesh_gpu_instancing"
 
 
-def read_nodes(document: Document, scale: float, notes: Notes) -> tuple[Node, ...]:
-    """All nodes of the file, in its order, `scale` multiplied into the roots.
+@dataclass(frozen=True)
+class NodeGraph:
+    """The nodes as a tree.
+
+    The file's nodes come first, in its order; copies of nodes with several parents, which glTF forbids and
+    some exporters write all the same, come after them. `definitions[i]` is the file's node behind node i.
+    """
+
+    nodes: tuple[Node, ...]
+    definitions: tuple[int, ...]
+    children: tuple[tuple[int, ...], ...]
+
+
+def read_nodes(document: Document, scale: float, notes: Notes) -> NodeGraph:
+    """All nodes of the file, `scale` multiplied into the roots.
 
     Raises:
-        GltfError: a cycle, a node with two parents, or a transform that is not affine and finite.
+        GltfError: a cycle, or a transform that is not affine and finite.
     """
-    definitions = document.nodes
-    children = [node.references("children", len(definitions), "nodes") for node in definitions]
-    parents = _parents(definitions, children)
-    local = [_local_matrix(node, notes) for node in definitions]
-    roots = [i for i, parent in enumerate(parents) if parent < 0]
-    for root in roots:
-        local[root] = np.diag([scale, scale, scale, 1.0]) @ local[root]
-    world = _world_matrices(definitions, children, roots, local)
-    return tuple(
-        Node(node.string("name", f"node {i}"), parents[i], local[i], world[i])
-        for i, node in enumerate(definitions)
-    )
+    files = document.nodes
+    below = [node.references("children", len(files), "nodes") for node in files]
+    _refuse_cycles(files, below)
+    definitions, parents, children, order = _as_tree(files, below)
+    notes.repair("nodes with several parents copied", len(definitions) - len(files))
+    local = [_local_matrix(node, notes) for node in files]
+    resize = np.diag([scale, scale, scale, 1.0])
+    nodes: list[Node | None] = [None] * len(definitions)
+    for index in order:
+        definition, parent = definitions[index], parents[index]
+        above = nodes[parent] if parent >= 0 else None
+        matrix = local[definition] if above else resize @ local[definition]
+        world = above.world_from_local @ matrix if above else matrix
+        if not np.abs(world).max() <= LARGEST_TRANSFORM:
+            raise files[definition].error("its world transform is absurdly large; check the scales above it")
+        nodes[index] = Node(files[definition].string("name", f"node {definition}"), parent, matrix, world)
+    placed = tuple(node for node in nodes if node is not None)
+    return NodeGraph(placed, tuple(definitions), tuple(tuple(each) for each in children))
 
 
-def _parents(definitions: list[JsonObject], children: list[tuple[int, ...]]) -> list[int]:
-    parents = [-1] * len(definitions)
-    for parent, below in enumerate(children):
-        for child in below:
-            if parents[child] >= 0:
-                what = f"node {child} has two parents, nodes {parents[child]} and {parent}; export the file again"
-                raise definitions[parent].error(what, "children")
-            parents[child] = parent
-    return parents
+def _refuse_cycles(files: list[JsonObject], below: list[tuple[int, ...]]) -> None:
+    """Peel off nodes without parents until none is left; what stays lies on a cycle or hangs below one."""
+    parents = np.zeros(len(files), np.int64)
+    for children in below:
+        for child in children:
+            parents[child] += 1
+    free = [int(node) for node in np.flatnonzero(parents == 0)]
+    peeled = 0
+    while free:
+        peeled += 1
+        for child in below[free.pop()]:
+            parents[child] -= 1
+            if parents[child] == 0:
+                free.append(child)
+    if peeled < len(files):
+        node = int(np.flatnonzero(parents)[0])
+        raise files[node].error("the node is its own ancestor, the graph has a cycle; export the file again")
 
 
-def _world_matrices(
-    definitions: list[JsonObject], children: list[tuple[int, ...]], roots: list[int], local: list[Float64]
-) -> list[Float64]:
-    """World matrices from the roots down; what no root leads to hangs on a cycle."""
-    world: list[Float64 | None] = [None] * len(definitions)
-    waiting = [(root, np.eye(4)) for root in reversed(roots)]
+def _as_tree(
+    files: list[JsonObject], below: list[tuple[int, ...]]
+) -> tuple[list[int], list[int], list[list[int]], list[int]]:
+    """Definitions, parents and children of the nodes of the tree, and its nodes from the roots down.
+
+    Raises:
+        GltfError: nodes with several parents multiply beyond `MAX_NODES`.
+    """
+    has_parent = {child for children in below for child in children}
+    definitions, parents = list(range(len(files))), [-1] * len(files)
+    children: list[list[int]] = [[] for _ in files]
+    order: list[int] = []
+    placed = [False] * len(files)
+    waiting = [(root, -1) for root in reversed(range(len(files))) if root not in has_parent]
     while waiting:
-        node, above = waiting.pop()
-        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            matrix = above @ local[node]
-        if not np.abs(matrix).max() <= LARGEST_TRANSFORM:
-            raise definitions[node].error("its world transform is absurdly large; check the scales above it")
-        world[node] = matrix
-        waiting.extend((child, matrix) for child in children[node])
-    done = []
-    for node, reached in enumerate(world):
-        if reached is None:
-            what = "the node is its own ancestor, the graph has a cycle; export the file again"
-            raise definitions[node].error(what, "children")
-        done.append(reached)
-    return done
+        definition, parent = waiting.pop()
+        index = definition
+        if placed[definition]:
+            index = len(definitions)
+            definitions.append(definition)
+            parents.append(-1)
+            children.append([])
+            if index >= MAX_NODES:
+                raise files[definition].error(
+                    f"shared children make more than {MAX_NODES} nodes; flatten the graph"
+                )
+        placed[definition] = True
+        parents[index] = parent
+        order.append(index)
+        if parent >= 0:
+            children[parent].append(index)
+        waiting.extend((child, index) for child in reversed(below[definition]))
+    return definitions, parents, children, order
 
 
-def drawn_nodes(document: Document, notes: Notes) -> list[int]:
+def drawn_nodes(document: Document, graph: NodeGraph, notes: Notes) -> list[int]:
     """Nodes of the default scene, depth first: `scene`, else scene 0, else every root."""
-    definitions, scenes = document.nodes, document.scenes
-    chosen = document.root.reference("scene", len(scenes), "scenes") if scenes else None
+    scenes = document.scenes
     if scenes:
+        chosen = document.root.reference("scene", len(scenes), "scenes")
+        start = scenes[chosen or 0].references("nodes", len(document.nodes), "nodes")
         notes.ignore("scenes that are not the default", len(scenes) - 1)
-        start = scenes[chosen or 0].references("nodes", len(definitions), "nodes")
     else:
-        below = {
-            child for node in definitions for child in node.references("children", len(definitions), "nodes")
-        }
-        start = tuple(i for i in range(len(definitions)) if i not in below)
+        start = tuple(i for i, node in enumerate(graph.nodes) if node.parent < 0)
     order: list[int] = []
     seen: set[int] = set()
     waiting = list(reversed(start))
@@ -94,11 +134,11 @@ def drawn_nodes(document: Document, notes: Notes) -> list[int]:
             notes.repair("nodes listed twice in the scene")
             continue
         seen.add(node)
-        if _is_hidden(definitions[node]):
+        if _is_hidden(document.nodes[graph.definitions[node]]):
             notes.ignore("nodes hidden by KHR_node_visibility, with all below")
             continue
         order.append(node)
-        waiting.extend(reversed(definitions[node].references("children", len(definitions), "nodes")))
+        waiting.extend(reversed(graph.children[node]))
     return order
 
 
@@ -162,7 +202,7 @@ def instance_matrices(accessors: Accessors, node: JsonObject, notes: Notes) -> F
     ):
         if name in indices:
             parts[name] = accessors.floats(indices.pop(name), kind)
-            check_length(attributes, parts[name], count, name)
+            check_length(attributes, name, parts[name], count)
         else:
             parts[name] = np.broadcast_to(np.array(default), (count, len(default)))
         if not np.isfinite(parts[name]).all():

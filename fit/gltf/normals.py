@@ -36,7 +36,7 @@ def smooth_normals(positions: Float64, triangles: NDArray[np.integer]) -> Float6
 
 def unit_or_up(vectors: Float64) -> tuple[Float64, NDArray[np.bool_]]:
     """Vectors (n, 3) made unit length, and which of them (n,) had none and became `UP`."""
-    finite = np.isfinite(vectors).all(axis=1)
+    finite = np.all(np.isfinite(vectors), axis=1)
     scale = np.abs(np.where(finite[:, None], vectors, 0.0)).max(axis=1, initial=0.0)
     bad = ~finite | (scale <= 0)
     scaled = np.where(bad[:, None], UP, vectors) / np.where(bad, 1.0, scale)[:, None]
@@ -46,7 +46,7 @@ def unit_or_up(vectors: Float64) -> tuple[Float64, NDArray[np.bool_]]:
 def repair_normals(
     normals: Float64, positions: Float64, triangles: NDArray[np.integer]
 ) -> tuple[Float64, int]:
-    """Unit normals (n, 3), those of zero or non-finite length taken from the triangles; and how many were mended."""
+    """Unit normals (n, 3), those without direction taken from the triangles; and how many were mended."""
     unit, bad = unit_or_up(normals)
     mended = int(np.count_nonzero(bad))
     if mended:

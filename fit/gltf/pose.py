@@ -23,7 +23,7 @@ def morph(primitive: Primitive, weights: tuple[float, ...]) -> Primitive:
         moved["COLOR_0"] = primitive.colors.copy()
     moved |= {f"TEXCOORD_{i}": values.copy() for i, values in enumerate(primitive.texcoords)}
     for target, weight in zip(primitive.targets, weights, strict=True):
-        for name, delta in target.deltas.items():
+        for name, delta in target.items():
             moved[name][:, : delta.shape[1]] += weight * delta
     return replace(
         primitive,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fit.gltf import draco
-from fit.gltf.accessors import SHAPES, Accessors, check_length, normalize
+from fit.gltf.accessors import SHAPES, Accessors, Rows, check_length, normalize
 from fit.gltf.container import Document
 from fit.gltf.json_object import JsonObject
 from fit.gltf.notes import Notes
@@ -17,23 +17,17 @@ from fit.gltf.triangles import MODE_NAMES, TRIANGLES, leftover_corners, to_trian
 
 Float64 = NDArray[np.float64]
 
-MAX_VERTICES = 1 << 26
-"""Vertices, and triangle corners, that one file may hold; 67 million of each."""
+MAX_VALUES = 1 << 26
+"""Vertices, and triangle corners, that one file may unfold to: 67 million of each."""
 
 
-@dataclass
-class MorphTarget:
-    """Displacements for weight 1, by attribute name (`POSITION`, `NORMAL`, `TEXCOORD_n`, `COLOR_0`)."""
-
-    deltas: dict[str, Float64]
-
-
-@dataclass
+@dataclass(frozen=True)
 class Primitive:
-    """What the file stores for one primitive.
+    """What the file stores for one primitive; only vertices that a triangle uses.
 
     positions (n, 3), normals (n, 3) or None, texcoords (n, 2) each, colors (n, 4) or None, triangles (m, 3);
-    joints and weights (n, 4 k) or None for skinning.
+    joints and weights (n, 4 k) or None for skinning; each of `targets` holds the displacements of a morph
+    target for weight 1, by attribute name.
     """
 
     place: str
@@ -46,11 +40,11 @@ class Primitive:
     triangles: NDArray[np.uint32]
     joints: NDArray[np.int64] | None = None
     weights: Float64 | None = None
-    targets: tuple[MorphTarget, ...] = field(default=())
+    targets: tuple[dict[str, Float64], ...] = ()
 
 
 class PrimitiveReader:
-    """Reads the primitives of a document; a budget on what one file may ask for spans all of them."""
+    """Reads the primitives of a document; a budget on what one file may unfold to spans all of them."""
 
     def __init__(self, document: Document, notes: Notes) -> None:
         self.document = document
@@ -60,13 +54,13 @@ class PrimitiveReader:
         self._vertices = 0
         self._corners = 0
 
-    def read(self, mesh: JsonObject, index: int, definition: JsonObject) -> Primitive | None:
-        """One primitive, None where it draws no triangle (which is noted).
+    def read(self, definition: JsonObject, name: str) -> Primitive | None:
+        """One primitive, which gets this name; None where it draws no triangle (which is noted).
 
         Raises:
             GltfError: it names the accessor or attribute that is wrong.
         """
-        mode = definition.choice("mode", dict(enumerate(range(7))), TRIANGLES)
+        mode = definition.choice("mode", dict(enumerate(range(len(MODE_NAMES)))), TRIANGLES)
         if mode < TRIANGLES:
             self.notes.ignore(f"{MODE_NAMES[mode]} primitives")
             return None
@@ -76,21 +70,19 @@ class PrimitiveReader:
         if "POSITION" not in attributes:
             self.notes.ignore("primitives without positions")
             return None
-        return _AttributeReader(self, definition, attributes).read(mode, _name(mesh, index))
+        return _AttributeReader(self, definition, attributes).read(mode, name)
 
     def spend(self, definition: JsonObject, vertices: int, corners: int) -> None:
-        """Book what a primitive is about to allocate.
+        """Book what is about to be allocated.
 
         Raises:
             GltfError: the whole file asks for an absurd amount.
         """
         self._vertices += vertices
         self._corners += corners
-        if max(self._vertices, self._corners) > MAX_VERTICES:
-            what = (
-                f"the file holds more than {MAX_VERTICES} vertices or triangle corners; simplify or split it"
-            )
-            raise definition.error(what)
+        if max(self._vertices, self._corners) > MAX_VALUES:
+            limit = f"{MAX_VALUES} vertices or triangle corners"
+            raise definition.error(f"the file unfolds to more than {limit}; simplify or split it")
 
 
 class _AttributeReader:
@@ -101,145 +93,159 @@ class _AttributeReader:
         self.accessors = reader.accessors
         self.definition = definition
         self.attributes = attributes
-        self.draco: draco.DracoMesh | None = None
-        self.used: set[str] = set()
+        self.compressed = self._decode_draco()
+        self.stored_vertices = self._stored_vertices()
+        self.rows: Rows = None
+        self.vertices = self.stored_vertices
+        self.read_names: set[str] = set()
 
-    def read(self, mode: int, name: str) -> Primitive:
-        position = self._accessor(self.attributes, "POSITION")
-        vertices = self.accessors.count(position)
-        indices = self._index_accessor()
-        self.reader.spend(
-            self.definition, vertices, vertices if indices is None else self.accessors.count(indices)
-        )
-        self._decode_draco()
+    def read(self, mode: int, name: str) -> Primitive | None:
+        triangles = self._select_rows(self._triangles(mode))
+        if len(triangles) == 0:
+            self.reader.notes.ignore("primitives without triangles")
+            return None
         positions = self._attribute("POSITION", "VEC3")
+        normals = self._attribute("NORMAL", "VEC3")
+        texcoords = self._texcoords()
+        colors = self._colors()
+        joints, weights = self._skinning()
         assert positions is not None
-        if self.draco is not None:
-            vertices = len(positions)
+        present = {"POSITION", "NORMAL", "COLOR_0", *(f"TEXCOORD_{i}" for i in range(len(texcoords)))}
         primitive = Primitive(
             place=self.definition.path,
             name=name,
             material=self.definition.reference("material", len(self.reader.document.materials), "materials"),
             positions=positions,
-            normals=self._vertex_attribute("NORMAL", vertices, "VEC3"),
-            texcoords=self._texcoords(vertices),
-            colors=self._colors(vertices),
-            triangles=self._triangles(mode, indices, vertices),
+            normals=normals,
+            texcoords=texcoords,
+            colors=colors,
+            triangles=triangles,
+            joints=joints,
+            weights=weights,
+            targets=self._targets(present & self.read_names),
         )
-        primitive.joints, primitive.weights = self._skinning(vertices)
-        primitive.targets = self._targets(primitive)
         for left in self.attributes.values:
-            if left not in self.used:
+            if left not in self.read_names:
                 self.reader.notes.ignore(f"attribute {left}")
         return primitive
 
-    def _decode_draco(self) -> None:
+    def _decode_draco(self) -> draco.DracoMesh | None:
+        """The decoded data, None where the primitive is not compressed, or stored uncompressed as well."""
         extension = self.definition.extension(draco.DRACO_EXTENSION)
         if extension is None:
-            return
-        required = draco.DRACO_EXTENSION in self.reader.document.extensions_required
-        stored = all(
-            self.accessors.is_backed(self._accessor(self.attributes, key)) for key in self.attributes.values
-        )
-        if required or not stored:
-            self.draco = draco.decode(self.reader.document, self.reader.resources, extension)
-            self._check_draco(extension)
+            return None
+        indices = [self._accessor(self.attributes, key) for key in self.attributes.values]
+        is_required = draco.DRACO_EXTENSION in self.reader.document.extensions_required
+        if not is_required and all(self.accessors.is_backed(index) for index in indices):
+            return None
+        declared = max((self.accessors.count(index) for index in indices), default=0)
+        self.reader.spend(self.definition, declared, 0)
+        return draco.decode(self.reader.document, self.reader.resources, extension)
 
-    def _check_draco(self, extension: JsonObject) -> None:
-        assert self.draco is not None
-        counts = {len(values) for values in self.draco.attributes.values()}
-        corners = self.draco.triangles.size
-        if len(counts) > 1 or (corners and self.draco.triangles.max() >= min(counts, default=0)):
-            raise extension.error("the compressed data contradicts itself; export the file again")
-        self.reader.spend(self.definition, max(counts, default=0), corners)
+    def _stored_vertices(self) -> int:
+        if self.compressed is not None and "POSITION" in self.compressed.attributes:
+            return len(self.compressed.attributes["POSITION"])
+        return self.accessors.count(self._accessor(self.attributes, "POSITION"))
 
     def _accessor(self, owner: JsonObject, key: str) -> int:
         return owner.required_reference(key, len(self.reader.document.accessors), "accessors")
 
-    def _index_accessor(self) -> int | None:
-        return self.definition.reference("indices", len(self.reader.document.accessors), "accessors")
+    def _triangles(self, mode: int) -> NDArray[np.uint32]:
+        if self.compressed is not None:
+            triangles = self.compressed.triangles
+            self.reader.spend(self.definition, 0, triangles.size)
+            if triangles.max(initial=0) >= max(self.stored_vertices, 1):
+                raise self.definition.error("the compressed data contradicts itself; export the file again")
+            return triangles
+        accessor = self.definition.reference("indices", len(self.reader.document.accessors), "accessors")
+        count = self.stored_vertices if accessor is None else self.accessors.count(accessor)
+        self.reader.spend(self.definition, 0, count)
+        indices = np.arange(count) if accessor is None else self._indices(accessor)
+        self.reader.notes.repair("corners that form no triangle", leftover_corners(mode, count))
+        return to_triangles(mode, indices)
+
+    def _indices(self, accessor: int) -> NDArray[np.int64]:
+        indices = self.accessors.integers(accessor, "SCALAR")
+        lowest, highest = indices.min(initial=0), indices.max(initial=-1)
+        if lowest < 0 or highest >= self.stored_vertices:
+            index = lowest if lowest < 0 else highest
+            what = (
+                f"index {index} in {self.accessors.definition(accessor).path} points past the "
+                f"{self.stored_vertices} vertices; the file is damaged, export it again"
+            )
+            raise self.definition.error(what, "indices")
+        return indices
+
+    def _select_rows(self, triangles: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """Restrict what is read to the vertices in use: many primitives may share one big vertex buffer."""
+        if 4 * triangles.size < self.stored_vertices:
+            rows = np.unique(triangles)
+            triangles = np.searchsorted(rows, triangles).astype(np.uint32)
+        else:
+            used = np.zeros(self.stored_vertices, bool)
+            used[triangles] = True
+            rows = np.flatnonzero(used).astype(np.uint32)
+            if len(rows) < self.stored_vertices:
+                triangles = (np.cumsum(used) - 1).astype(np.uint32)[triangles]
+        self.reader.spend(self.definition, len(rows), 0)
+        if len(rows) < self.stored_vertices:
+            self.rows, self.vertices = rows, len(rows)
+        return triangles
 
     def _attribute(self, name: str, *types: str) -> Float64 | None:
+        """Values (vertices, n) of an attribute, None where the primitive has none of this name."""
         if name not in self.attributes:
             return None
-        self.used.add(name)
+        self.read_names.add(name)
         index = self._accessor(self.attributes, name)
-        if self.draco is None or name not in self.draco.attributes:
-            return self.accessors.floats(index, *types)
-        definition, values = self.accessors.definition(index), self.draco.attributes[name]
+        if self.compressed is None or name not in self.compressed.attributes:
+            check_length(self.attributes, name, range(self.accessors.count(index)), self.stored_vertices)
+            return self.accessors.floats(index, *types, rows=self.rows)
+        definition, values = self.accessors.definition(index), self.compressed.attributes[name]
+        check_length(self.attributes, name, values, self.stored_vertices)
         kind = definition.string("type")
-        components = definition.choice("type", SHAPES)[1]
-        if kind not in types or values.shape[1] != components:
-            raise definition.error(
-                f"{kind!r} does not fit {name} as it is compressed; export the file again", "type"
-            )
-        return normalize(values, definition)
+        if kind not in types or values.shape[1] != SHAPES[kind][1]:
+            what = f"{kind!r} does not fit {name} as it is compressed; export the file again"
+            raise definition.error(what, "type")
+        return normalize(values if self.rows is None else values[self.rows], definition)
 
-    def _vertex_attribute(self, name: str, vertices: int, *types: str) -> Float64 | None:
-        values = self._attribute(name, *types)
-        if values is not None:
-            check_length(self.attributes, values, vertices, name)
-        return values
-
-    def _texcoords(self, vertices: int) -> tuple[Float64, ...]:
-        found = []
-        while (values := self._vertex_attribute(f"TEXCOORD_{len(found)}", vertices, "VEC2")) is not None:
+    def _texcoords(self) -> tuple[Float64, ...]:
+        found: list[Float64] = []
+        while (values := self._attribute(f"TEXCOORD_{len(found)}", "VEC2")) is not None:
             found.append(values)
         return tuple(found)
 
-    def _colors(self, vertices: int) -> Float64 | None:
-        values = self._vertex_attribute("COLOR_0", vertices, "VEC3", "VEC4")
+    def _colors(self) -> Float64 | None:
+        values = self._attribute("COLOR_0", "VEC3", "VEC4")
         if values is None or values.shape[1] == 4:
             return values
-        return np.concatenate([values, np.ones((vertices, 1))], axis=1)
+        return np.concatenate([values, np.ones((len(values), 1))], axis=1)
 
-    def _triangles(self, mode: int, accessor: int | None, vertices: int) -> NDArray[np.uint32]:
-        if self.draco is not None:
-            return self.draco.triangles
-        if accessor is None:
-            indices = np.arange(vertices)
-        else:
-            indices = self.accessors.integers(accessor, "SCALAR")
-            if indices.min() < 0 or indices.max() >= vertices:
-                bad = indices.min() if indices.min() < 0 else indices.max()
-                what = (
-                    f"index {bad} in {self.accessors.definition(accessor).path} points past "
-                    f"the {vertices} vertices; the file is damaged, export it again"
-                )
-                raise self.definition.error(what, "indices")
-        self.reader.notes.repair("corners that form no triangle", leftover_corners(mode, len(indices)))
-        return to_triangles(mode, indices)
-
-    def _skinning(self, vertices: int) -> tuple[NDArray[np.int64] | None, Float64 | None]:
-        joints, weights = [], []
-        while f"JOINTS_{len(joints)}" in self.attributes and f"WEIGHTS_{len(joints)}" in self.attributes:
-            number = len(joints)
-            influence = self._vertex_attribute(f"WEIGHTS_{number}", vertices, "VEC4")
-            joint = self._vertex_attribute(f"JOINTS_{number}", vertices, "VEC4")
-            assert influence is not None and joint is not None
-            weights.append(influence)
-            joints.append(joint.astype(np.int64))
+    def _skinning(self) -> tuple[NDArray[np.int64] | None, Float64 | None]:
+        joints: list[NDArray[np.int64]] = []
+        weights: list[Float64] = []
+        while True:
+            joint = self._attribute(f"JOINTS_{len(joints)}", "VEC4")
+            weight = self._attribute(f"WEIGHTS_{len(joints)}", "VEC4")
+            if joint is None or weight is None:
+                break
+            joints.append(np.where(np.isfinite(joint), joint, -1.0).astype(np.int64))
+            weights.append(weight)
         if not joints:
             return None, None
         return np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)
 
-    def _targets(self, primitive: Primitive) -> tuple[MorphTarget, ...]:
-        shapes = {"POSITION": ("VEC3",), "NORMAL": ("VEC3",), "COLOR_0": ("VEC3", "VEC4")}
-        present = {"POSITION"} | {f"TEXCOORD_{i}" for i in range(len(primitive.texcoords))}
-        present |= {"NORMAL"} if primitive.normals is not None else set()
-        present |= {"COLOR_0"} if primitive.colors is not None else set()
+    def _targets(self, present: set[str]) -> tuple[dict[str, Float64], ...]:
+        """Morph targets, restricted to attributes that the primitive has."""
+        types = {"POSITION": ("VEC3",), "NORMAL": ("VEC3",), "COLOR_0": ("VEC3", "VEC4")}
         targets = []
         for target in self.definition.objects("targets"):
             deltas = {}
             for name in target.values:
                 if name in present:
-                    values = self.accessors.floats(self._accessor(target, name), *shapes.get(name, ("VEC2",)))
-                    check_length(target, values, len(primitive.positions), name)
-                    deltas[name] = values
-            targets.append(MorphTarget(deltas))
+                    index = self._accessor(target, name)
+                    check_length(target, name, range(self.accessors.count(index)), self.stored_vertices)
+                    self.reader.spend(self.definition, self.vertices, 0)
+                    deltas[name] = self.accessors.floats(index, *types.get(name, ("VEC2",)), rows=self.rows)
+            targets.append(deltas)
         return tuple(targets)
-
-
-def _name(mesh: JsonObject, index: int) -> str:
-    name = mesh.string("name", mesh.path)
-    return name if len(mesh.objects("primitives")) == 1 else f"{name}.{index}"

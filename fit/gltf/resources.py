@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import binascii
 import re
+import reprlib
 from pathlib import Path
 from urllib.parse import unquote, unquote_to_bytes
 
@@ -35,7 +36,7 @@ class Resources:
                 raise view.error(extension_remedy(name), f"extensions.{name}")
         buffer = self._buffer(view.required_reference("buffer", len(self.document.buffers), "buffers"))
         offset = view.integer("byteOffset", 0)
-        length = view.integer("byteLength", minimum=1)
+        length = view.integer("byteLength")
         if offset + length > len(buffer):
             what = (
                 f"bytes {offset} to {offset + length} run past the end of the buffer, which has {len(buffer)}"
@@ -57,7 +58,7 @@ class Resources:
 
     def _read_buffer(self, index: int) -> memoryview:
         buffer = self.document.buffers[index]
-        length = buffer.integer("byteLength", minimum=1)
+        length = buffer.integer("byteLength")
         if "uri" in buffer:
             data = memoryview(self.read_uri(buffer, length))
         elif index == 0 and self.document.binary is not None:
@@ -65,7 +66,7 @@ class Resources:
         else:
             raise buffer.error("has no uri and the file has no binary chunk for it; export the file again")
         if len(data) < length:
-            what = f"declares {length} bytes but only {len(data)} are there; the file is truncated, fetch it again"
+            what = f"declares {length} bytes but only {len(data)} are there; it is truncated, fetch it again"
             raise buffer.error(what, "byteLength")
         return data[:length]
 
@@ -84,25 +85,35 @@ class Resources:
         path = self._resolve(owner, uri)
         try:
             with path.open("rb") as stream:
-                return stream.read(-1 if limit is None else limit)
+                size = path.stat().st_size
+                return stream.read(size if limit is None else min(size, limit))
         except OSError as error:
             raise owner.error(
                 f"{path.name} can't be read ({error.strerror}); check its permissions", "uri"
             ) from error
 
+    def has_uri(self, owner: JsonObject) -> bool:
+        """Whether `owner.uri` is a data URI or a file that is there; errors as in `read_uri` but for that."""
+        uri = owner.string("uri")
+        return uri[:5].lower() == "data:" or self._find(owner, uri) is not None
+
     def _resolve(self, owner: JsonObject, uri: str) -> Path:
-        shown = uri if len(uri) <= 80 else uri[:77] + "..."
+        path = self._find(owner, uri)
+        if path is None:
+            shown = reprlib.repr(unquote(uri))
+            raise owner.error(f"{shown} is missing; put it beside {self.document.file.name}", "uri")
+        return path
+
+    def _find(self, owner: JsonObject, uri: str) -> Path | None:
+        """The file inside the folder that a URI names, None where there is none."""
         if _SCHEME.match(uri) or uri.startswith(("/", "\\")):
-            what = (
-                f"{shown!r} is not a relative path; download the file beside the glTF file and name it there"
-            )
+            what = f"{reprlib.repr(uri)} is not a relative path; put the file beside the glTF file"
             raise owner.error(what, "uri")
         folder = self.document.file.parent.resolve()
         # The decoded name is what glTF means; some exporters write a real "%20" or a Windows separator.
-        for name in dict.fromkeys((unquote(uri), uri, unquote(uri).replace("\\", "/"))):
-            if path := _existing_file(owner, folder, name):
-                return path
-        raise owner.error(f"{unquote(shown)!r} is missing; put it beside {self.document.file.name}", "uri")
+        names = (unquote(uri), uri, unquote(uri).replace("\\", "/"))
+        found = (_existing_file(owner, folder, name) for name in dict.fromkeys(names))
+        return next((path for path in found if path is not None), None)
 
 
 def _is_placeholder(buffer: JsonObject) -> bool:
