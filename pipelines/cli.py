@@ -1,12 +1,288 @@
-"""The `sdfprim` command."""
+"""The `sdfprim` command: parses arguments, calls each command's `run`, prints what it returns.
+
+Exit codes: 0 all went well, 1 something failed, 2 the command was used wrongly, 130 interrupted.
+"""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
 import cyclopts
+from cyclopts import Parameter
 
-app = cyclopts.App(name="sdfprim", help="Analytic SDF primitives for any glTF scene, and light through them.")
+from pipelines import compare, convert, demo, describe, render
+from pipelines.console import Terminal
+from pipelines.errors import UsageError
+from pipelines.machine import package_version
+from pipelines.options import parse_size
+
+OK, FAILED, BAD_USAGE, INTERRUPTED = 0, 1, 2, 130
+
+app = cyclopts.App(
+    name="sdfprim",
+    help="Fit analytic SDF primitives to a glTF scene, and light the scene through them.",
+    help_epilogue="Exit codes: 0 all went well, 1 something failed, 2 bad usage, 130 interrupted.",
+    version=package_version(),
+    help_format="plaintext",
+)
+
+Numbers = Parameter(allow_leading_hyphen=True)
+"""A value may start with a minus sign: --air -1,0,2."""
+
+Output = Parameter(name=("--output", "-o"))
+Flag = Parameter(negative="")
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the console script."""
-    app()
+    sys.exit(execute(sys.argv[1:] if arguments is None else arguments))
+
+
+def execute(arguments: Sequence[str]) -> int:
+    """Runs one command line and returns its exit code; every foreseeable failure is one line on stderr."""
+    terminal = Terminal()
+    try:
+        return int(app(arguments, exit_on_error=False, print_error=False, result_action="return_value") or OK)
+    except cyclopts.CycloptsError as error:
+        terminal.error(f"{str(error).strip()} (sdfprim --help lists what there is)")
+        return BAD_USAGE
+    except UsageError as error:
+        terminal.error(str(error))
+        return BAD_USAGE
+    except KeyboardInterrupt:
+        terminal.error("interrupted; what was finished is kept")
+        return INTERRUPTED
+    except Exception as error:
+        if not _is_foreseen(error):
+            raise
+        terminal.error(str(error))
+        return FAILED
+
+
+def _is_foreseen(error: Exception) -> bool:
+    """Bad input, a full disk, no GPU: the message says it all. Anything else is a fault and shows a trace."""
+    from runtime.device import NoAdapter
+
+    return isinstance(error, ValueError | OSError | NoAdapter) and bool(str(error))
+
+
+@app.command(name="inspect")
+def inspect_files(*files: Path, scale: float = 1.0, json: Annotated[bool, Flag] = False) -> int:
+    """Tell what a glTF file holds, and what of it will not be used.
+
+    Parameters
+    ----------
+    files
+        .gltf or .glb files.
+    scale
+        Multiplies every length.
+    json
+        Print the report as JSON.
+    """
+    terminal = Terminal(json)
+    report = describe.run(describe.InspectSettings(files, scale))
+    terminal.result(report, lambda: describe.show(report, terminal))
+    return _exit_code(report)
+
+
+@app.command(name="convert")
+def convert_files(
+    *files: Path,
+    output: Annotated[Path, Output],
+    max_primitives: int | None = None,
+    max_bytes: int | None = None,
+    max_error: float | None = None,
+    preset: convert.Preset | None = None,
+    air: Annotated[list[str] | None, Numbers, Parameter(negative="")] = None,
+    scale: float = 1.0,
+    seed: int = 0,
+    timeout: float = 900.0,
+    json: Annotated[bool, Flag] = False,
+) -> int:
+    """Approximate glTF scenes by boxes, spheres, cylinders and planes.
+
+    Writes OUTPUT/<stem>.prims.glb and .prims.npz for each file, and OUTPUT/report.json for all of them.
+
+    Parameters
+    ----------
+    files
+        .gltf or .glb files.
+    output
+        Folder for the results; it is made where it is missing.
+    max_primitives
+        At most this many primitives.
+    max_bytes
+        At most this many bytes on the GPU; 64 for each primitive.
+    max_error
+        Stop adding primitives once the mean distance error is below this, metres.
+    preset
+        coarse or fine: budgets that suit a scene.
+    air
+        A space that is air: outside, or a point x,y,z in it. May be given several times.
+    scale
+        Multiplies every length.
+    seed
+        Seed of all random choices.
+    timeout
+        Seconds after which a file is given up.
+    json
+        Print the report as JSON.
+    """
+    terminal = Terminal(json)
+    settings = convert.ConvertSettings(
+        files, output, max_primitives, max_bytes, max_error, preset, tuple(air or ()), scale, seed, timeout
+    )
+    with terminal.progress() as update:
+        report = convert.run(settings, progress=lambda state: update(state.describe(), state.share))
+    terminal.result(report, lambda: convert.show(report, settings, terminal))
+    return _exit_code(report)
+
+
+@app.command(name="render")
+def render_scene(
+    scene: Path,
+    *,
+    output: Annotated[Path, Output],
+    set_: Annotated[Path | None, Parameter(name="--set")] = None,
+    gi: render.Technique = "sdfddgi",
+    camera: Annotated[str | None, Numbers] = None,
+    sun: Annotated[str | None, Numbers] = None,
+    sky: Annotated[str | None, Numbers] = None,
+    lights: Literal["file"] | None = None,
+    exposure: Annotated[float, Numbers] = 0.0,
+    scale: float = 1.0,
+    aov: Annotated[bool, Flag] = False,
+    size: str = "640x360",
+    frames: int = render.DEFAULT_FRAMES,
+    view: str = "final",
+    json: Annotated[bool, Flag] = False,
+) -> int:
+    """Render a glTF scene, lit through its primitives.
+
+    Parameters
+    ----------
+    scene
+        A .gltf or .glb file.
+    output
+        The picture: .png (tone-mapped) or .exr (linear).
+    set_
+        The scene's primitives, from convert; without it the scene is converted first.
+    gi
+        The global illumination technique; none shows direct light alone.
+    camera
+        A camera's name or number in the file, a named view, or x,y,z,tx,ty,tz,fov.
+    sun
+        x,y,z,strength: a vector towards the sun, and its irradiance in W/m2. Switches the file's lights off.
+    sky
+        r,g,b radiance in W/m2/sr, or an equirectangular .hdr or .exr. Switches the file's lights off.
+    lights
+        file: keep the file's lights beside --sun and --sky.
+    exposure
+        Stops; PNG only.
+    scale
+        Multiplies every length.
+    aov
+        Add position, normal, albedo, direct, indirect and irradiance to an EXR.
+    size
+        Width x height in pixels.
+    frames
+        Frames to render; the picture is the last one.
+    view
+        What to show: final, direct, indirect, irradiance, albedo, normal, depth, primitives, sdf-steps, ...
+    json
+        Print the report as JSON.
+    """
+    terminal = Terminal(json)
+    lighting = render.LightingOptions(sun, sky, lights == "file")
+    settings = render.PictureSettings(
+        scene, output, set_, gi, camera, lighting, exposure, scale, aov, parse_size(size), frames, view
+    )
+    with terminal.progress() as update:
+        report = render.run(settings, update)
+    terminal.result(report, lambda: render.show(report, terminal))
+    return OK
+
+
+@app.command(name="compare")
+def compare_presets(
+    scene: Path,
+    *,
+    output: Annotated[Path, Output],
+    camera: Annotated[str | None, Numbers] = None,
+    sun: Annotated[str | None, Numbers] = None,
+    sky: Annotated[str | None, Numbers] = None,
+    lights: Literal["file"] | None = None,
+    exposure: Annotated[float, Numbers] = 0.0,
+    scale: float = 1.0,
+    size: str = "640x360",
+    frames: int = render.DEFAULT_FRAMES,
+    seed: int = 0,
+    json: Annotated[bool, Flag] = False,
+) -> int:
+    """Put a coarse set of primitives beside a fine one: counts, errors, times, pictures.
+
+    Writes OUTPUT/report.json and OUTPUT/report.html, one page that opens without a network.
+
+    Parameters
+    ----------
+    scene
+        A .gltf or .glb file.
+    output
+        Folder for the results.
+    camera
+        As for render.
+    sun
+        As for render.
+    sky
+        As for render.
+    lights
+        As for render.
+    exposure
+        Stops, the same for every picture.
+    scale
+        Multiplies every length.
+    size
+        Width x height in pixels.
+    frames
+        Frames to render for each picture.
+    seed
+        Seed of all random choices.
+    json
+        Print the report as JSON.
+    """
+    terminal = Terminal(json)
+    lighting = render.LightingOptions(sun, sky, lights == "file")
+    settings = compare.CompareSettings(
+        scene, output, camera, lighting, exposure, scale, parse_size(size), frames, seed
+    )
+    return _compare(settings, terminal)
+
+
+@app.command(name="demo")
+def run_demo(
+    *, output: Annotated[Path, Output] = Path("out/demo"), json: Annotated[bool, Flag] = False
+) -> int:
+    """Convert, render and compare a scene that comes with the program.
+
+    Parameters
+    ----------
+    output
+        Folder for the results.
+    json
+        Print the report as JSON.
+    """
+    return _compare(demo.settings(output), Terminal(json))
+
+
+def _compare(settings: compare.CompareSettings, terminal: Terminal) -> int:
+    with terminal.progress() as update:
+        report = compare.run(settings, update)
+    terminal.result(report, lambda: compare.show(report, settings, terminal))
+    return OK
+
+
+def _exit_code(report: dict[str, Any]) -> int:
+    return FAILED if any(row["status"] != "ok" for row in report["assets"]) else OK

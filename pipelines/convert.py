@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from pipelines.console import Terminal
 from pipelines.documents import report_header, write_json
 from pipelines.errors import UsageError
 from pipelines.naming import result_names
@@ -16,6 +17,9 @@ from pipelines.worker import Progress, run_isolated
 Preset = Literal["coarse", "fine"]
 
 RESULT_SUFFIXES = (".prims.glb", ".prims.npz")
+
+SHOWN_METRICS = ("surface_to_set_mean_m", "covered_half_pct", "false_solid", "leaks", "blocked")
+"""The metrics that the printed table shows; the report has all of them."""
 
 EMPTY_ROW: dict[str, Any] = {
     "name": None,
@@ -63,6 +67,15 @@ class FileProgress:
     stage: str
     fraction: float
 
+    @property
+    def share(self) -> float:
+        """How much of all the work is done, 0 to 1."""
+        return (self.index + min(self.fraction, 1.0)) / self.count
+
+    def describe(self) -> str:
+        """The file and stage in words."""
+        return f"[{self.index + 1}/{self.count}] {self.name}: {self.stage}"
+
 
 def run(
     settings: ConvertSettings,
@@ -79,7 +92,7 @@ def run(
     check(settings)
     names = _names(settings.files)
     _keep_inputs(settings, names)
-    _make_folder(settings.output)
+    make_folder(settings.output)
     assets: list[dict[str, Any]] = []
     report = report_header("convert", settings, settings.seed) | {"assets": assets}
     for index, (file, name) in enumerate(zip(settings.files, names, strict=True)):
@@ -208,8 +221,30 @@ def _keep_inputs(settings: ConvertSettings, names: list[str]) -> None:
             raise UsageError(f"-o {settings.output}: {file} would be overwritten; name another folder")
 
 
-def _make_folder(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
+    """Makes the results' folder; raises UsageError where that can't be done."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UsageError(f"-o {folder}: {error.strerror}; name a folder that can be written") from error
+
+
+def show(report: dict[str, Any], settings: ConvertSettings, terminal: Terminal) -> None:
+    """Prints a row for each file, then what failed and why."""
+    rows = [
+        [
+            row["name"],
+            row["status"],
+            row["primitives"],
+            row["bytes"],
+            *((row["metrics"] or {}).get(key) for key in SHOWN_METRICS),
+            row["seconds"],
+            row["peak_rss_mb"],
+        ]
+        for row in report["assets"]
+    ]
+    terminal.table(["name", "status", "primitives", "bytes", *SHOWN_METRICS, "seconds", "peak MiB"], rows)
+    for row in report["assets"]:
+        if row["error"]:
+            terminal.line(f"failed   {row['source']}: {row['error']}")
+    terminal.line(f"report   {settings.output / 'report.json'}")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fit.scene import AlphaMode, Mesh, Scene
+from pipelines.console import Terminal
 from pipelines.convert import require_file
 from pipelines.documents import report_header
 from pipelines.errors import UsageError
@@ -117,3 +118,37 @@ def _warnings(bounds: Any) -> list[str]:
         return []
     guess = "0.01 for centimetres, 0.001 for millimetres" if diagonal > largest else "100 or 1000"
     return [f"{diagonal:.4g} m from corner to corner is not likely: mend it with --scale (try {guess})"]
+
+
+def show(report: dict[str, Any], terminal: Terminal) -> None:
+    """Prints each file's facts, one to a line."""
+    for row in report["assets"]:
+        terminal.line(row["source"])
+        if row["error"]:
+            terminal.line(f"  failed      {row['error']}")
+            continue
+        for label, text in _facts(row):
+            if text:
+                terminal.line(f"  {label:<11} {text}")
+
+
+def _facts(row: dict[str, Any]) -> list[tuple[str, str]]:
+    share = row["closed_triangle_share"]
+    closed = f"; {share:.0%} of them in closed meshes" if share is not None else ""
+    materials = row["materials"]
+    kinds = Counter(key for material in materials for key in ("textured", "emissive") if material[key])
+    lights = Counter(str(light["kind"]) for light in row["lights"])
+    diagonal = f"{row['diagonal_m']:.4g} m from corner to corner" if row["diagonal_m"] is not None else ""
+    return [
+        ("meshes", f"{row['meshes']}, drawn {row['instances']} times, {row['closed_meshes']} closed"),
+        ("triangles", f"{row['triangles']}{closed}"),
+        ("size", diagonal),
+        ("materials", f"{len(materials)}, {kinds['textured']} textured, {kinds['emissive']} emissive"),
+        ("images", str(len(row["images"]))),
+        ("lights", ", ".join(f"{count} {kind}" for kind, count in lights.items())),
+        ("cameras", ", ".join(f"{camera['index']} {camera['name']!r}" for camera in row["cameras"])),
+        ("extensions", ", ".join(row["extensions"])),
+        ("repaired", ", ".join(f"{count} {what}" for what, count in row["repairs"].items())),
+        ("ignored", "; ".join(row["ignored"])),
+        *(("warning", warning) for warning in row["warnings"]),
+    ]

@@ -1,0 +1,155 @@
+"""`sdfprim render`: one picture of a scene, lit through its primitives."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from pipelines.console import Terminal, Update
+from pipelines.convert import ConvertSettings, describe_fit, describe_primitives, fit_scene, require_file
+from pipelines.documents import report_header
+from pipelines.errors import UsageError
+from pipelines.studio import AS_IN_THE_FILE, DEFAULT_FRAMES, LightingOptions, Studio
+from runtime.views import AOV_LAYERS, VIEWS
+
+if TYPE_CHECKING:
+    from fit.primitives import PrimitiveSet
+    from fit.scene import Scene
+    from fit.spaces import Air
+    from runtime.renderer import Result
+
+Technique = Literal["sdfddgi", "none"]
+
+CONVERT_SHARE = 0.4
+"""Share of the progress bar that a conversion takes when it comes first."""
+
+
+@dataclass(frozen=True)
+class PictureSettings:
+    """What `render` was asked for; `size` in pixels, `exposure` in stops."""
+
+    scene: Path
+    output: Path
+    primitives: Path | None = None
+    gi: Technique = "sdfddgi"
+    camera: str | None = None
+    lighting: LightingOptions = AS_IN_THE_FILE
+    exposure: float = 0.0
+    scale: float = 1.0
+    aov: bool = False
+    size: tuple[int, int] = (640, 360)
+    frames: int = DEFAULT_FRAMES
+    view: str = "final"
+
+
+def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
+    """Renders the picture, writes it, and returns the report.
+
+    Raises:
+        UsageError: a file, camera or view is not there.
+        NoAdapter: there is no GPU.
+        ValueError: a file can't be read; the message says which and why.
+    """
+    from fit import gltf
+
+    check(settings)
+    progress("load", 0.0)
+    scene = gltf.load(settings.scene, scale=settings.scale)
+    primitives, air, source = _primitives(settings, scene, progress)
+    studio = Studio.set_up(scene, settings.camera, settings.lighting, settings.size, settings.exposure, air)
+    start = CONVERT_SHARE if settings.primitives is None else 0.1
+
+    def done(frame: int, frames: int) -> None:
+        progress(f"render, frame {frame} of {frames}", start + (1 - start) * frame / frames)
+
+    began = time.perf_counter()
+    views = (settings.view, *(AOV_LAYERS if settings.aov else ()))
+    result = studio.render(primitives, settings.gi, settings.frames, views, done)
+    seconds = time.perf_counter() - began
+    write_picture(settings, result)
+    return (
+        report_header("render", settings, seed=0)
+        | studio.describe()
+        | {"set": source, "gi": settings.gi, "view": settings.view, "frames": settings.frames}
+        | {"notes": list(result.notes), "picture": settings.output, "seconds": round(seconds, 3)}
+        | {"timed_frames": result.frames, "passes_ms": dict(result.timings)}
+    )
+
+
+def check(settings: PictureSettings) -> None:
+    """Raises UsageError for what can be seen to be wrong before any work is done."""
+    require_file(settings.scene)
+    if settings.primitives is not None:
+        require_file(settings.primitives)
+    settings.lighting.check()
+    suffix = settings.output.suffix.lower()
+    if suffix not in (".png", ".exr"):
+        raise UsageError(f"-o {settings.output}: end the name in .png or .exr")
+    if settings.aov and suffix != ".exr":
+        raise UsageError(f"--aov writes its layers into an EXR: -o {settings.output.with_suffix('.exr')}")
+    if not settings.output.parent.is_dir():
+        raise UsageError(f"-o {settings.output}: there is no folder {settings.output.parent}; make it first")
+    if settings.frames < 1:
+        raise UsageError(f"--frames {settings.frames}: give at least 1")
+    if not 0 < settings.scale < float("inf"):
+        raise UsageError(f"--scale {settings.scale}: give a number above zero")
+    if not np.isfinite(settings.exposure):
+        raise UsageError(f"--exposure {settings.exposure}: give a finite number of stops")
+    is_technique_view = "/" in settings.view  # those are known when the technique runs
+    if settings.view not in VIEWS and not is_technique_view:
+        raise UsageError(f"--view {settings.view}: there is no such view; there are {', '.join(VIEWS)}")
+
+
+def write_picture(settings: PictureSettings, result: Result) -> None:
+    """PNG with exposure and tone curve, or EXR with the layers that were asked for."""
+    from runtime.images import write_exr, write_png
+
+    if settings.output.suffix.lower() == ".png":
+        write_png(settings.output, result.display(settings.view))
+        return
+    layers = {name: result.images[name] for name in AOV_LAYERS} if settings.aov else {}
+    write_exr(settings.output, result.images[settings.view], layers)
+
+
+def _primitives(
+    settings: PictureSettings, scene: Scene, progress: Update
+) -> tuple[PrimitiveSet, Air | None, dict[str, Any]]:
+    """The set to light through: the given file, or a conversion here and now."""
+    from fit import export
+
+    if settings.primitives is not None:
+        primitives = export.read(settings.primitives)
+        return primitives, None, describe_primitives(primitives) | {"file": settings.primitives}
+
+    def converting(stage: str, fraction: float) -> None:
+        progress(f"no --set given, converting: {stage}", CONVERT_SHARE * fraction)
+
+    result = fit_scene(scene, ConvertSettings((settings.scene,), settings.output.parent), converting)
+    return result.primitives, result.air, describe_fit(result) | {"file": None}
+
+
+def show(report: dict[str, Any], terminal: Terminal) -> None:
+    """Prints what was on, and the time of each pass."""
+    kind = " (software: times say nothing about a graphics card)" if report["software_adapter"] else ""
+    terminal.line(f"adapter  {report['adapter']}{kind}")
+    terminal.line(f"camera   {report['camera']}")
+    for line in report["lights"]:
+        terminal.line(f"light    {line}")
+    for line in report["notes"]:
+        terminal.line(f"note     {line}")
+    origin = report["set"]["file"] or "converted just now, because no --set was given"
+    terminal.line(f"set      {report['set']['primitives']} primitives, {origin}")
+    show_passes(report["passes_ms"], report["timed_frames"], terminal)
+    terminal.line(f"wrote    {report['picture']}")
+
+
+def show_passes(passes: dict[str, float | None], frames: int, terminal: Terminal) -> None:
+    """The table of GPU times."""
+    rows = [[name, milliseconds] for name, milliseconds in passes.items()]
+    timed = [milliseconds for milliseconds in passes.values() if milliseconds is not None]
+    rows.append(["total", sum(timed) if timed else None])
+    terminal.table(["pass", f"GPU ms, median of {frames} frames"], rows)

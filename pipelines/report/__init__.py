@@ -1,0 +1,1 @@
+"""Reports for people: one HTML file that opens without a network."""

@@ -1,0 +1,234 @@
+"""`report.html` of a comparison, from the same report that `report.json` holds."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib import resources
+from string import Template
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from pipelines.report.plots import bars
+
+UInt8 = NDArray[np.uint8]
+
+METRICS = (
+    ("surface_to_set_mean_m", "surface to set, mean", "m", "from the surfaces that air touches"),
+    ("surface_to_set_p95_m", "surface to set, 95th percentile", "m", ""),
+    ("surface_to_set_max_m", "surface to set, largest", "m", ""),
+    ("covered_25cm", "covered within 25 cm", "%", "share of those surfaces"),
+    ("covered_half_pct", "covered within 0.5 % of the diagonal", "%", ""),
+    ("set_to_surface_mean_m", "set to surface, mean", "m", "from the set's boundary that air touches"),
+    ("false_solid", "free air made solid", "%", ""),
+    ("air_distance_error_m", "distance error in free air, mean", "m", ""),
+    ("air_distance_error_pct", "the same, of the diagonal", "pct", ""),
+    ("leaks", "rays that leak through", "%", "share of the rays that hit the mesh"),
+    ("blocked", "rays that are stopped too early", "%", ""),
+    ("hit_error_pct", "hit error, mean, of the diagonal", "pct", ""),
+    ("iou", "intersection over union", "", "where the mesh is closed"),
+    ("volume_error", "volume error", "", "where the mesh is closed"),
+)
+"""Key, words, unit (`%`: a share, shown in percent; `pct`: percent already) and remark of each metric."""
+
+SETS = ("coarse", "fine")
+
+
+def build_page(report: Mapping[str, Any], pictures: Mapping[str, UInt8]) -> str:
+    """The whole page; `report` holds JSON values only, `pictures` are sRGB pixels (h, w, 3) by name."""
+    template = Template(
+        resources.files("pipelines.report").joinpath("template.html").read_text(encoding="utf-8")
+    )
+    sources = {name: _data_uri(pixels) for name, pixels in pictures.items()}
+    sections = (
+        _header(report),
+        _tiles(report),
+        _gi_section(report, sources),
+        _set_section(report, sources),
+        _metrics_section(report),
+        _times_section(report),
+        _left_out_section(report),
+    )
+    name = _scene_name(report)
+    return template.substitute(title=escape(f"{name}: coarse and fine"), body="\n".join(sections))
+
+
+def _scene_name(report: Mapping[str, Any]) -> str:
+    return str(report["settings"]["scene"]).rsplit("/", 1)[-1]
+
+
+def _header(report: Mapping[str, Any]) -> str:
+    machine, (width, height) = report["machine"], report["size"]
+    facts = (
+        ("Adapter", report["adapter"]),
+        ("Machine", f"{machine['processor']}, {machine['cores']} cores"),
+        ("Picture", f"{width} x {height}, {report['frames']} frames, {report['exposure']:+g} EV"),
+        ("Camera", report["camera"]),
+        ("Light", "; ".join(report["lights"])),
+        ("Version", f"sdfprim {report['version']}, seed {report['seed']}, {report['created']}"),
+    )
+    items = "".join(f"<li><b>{label}</b> {escape(str(text))}</li>" for label, text in facts)
+    software = (
+        '<p class="note">The adapter is a software renderer: the times compare passes with each other '
+        "and say nothing about a graphics card.</p>"
+        if report["software_adapter"]
+        else ""
+    )
+    return (
+        f"<h1>{escape(_scene_name(report))}, lit through its primitives</h1>"
+        "<p>The same scene, light and camera through a coarse and a fine set of primitives.</p>"
+        f'<ul class="facts">{items}</ul>{software}'
+    )
+
+
+def _tiles(report: Mapping[str, Any]) -> str:
+    coarse, fine = (report["sets"][name] for name in SETS)
+    difference = report["differences"]["coarse"]
+    tiles = (
+        (f"{coarse['primitives']} / {fine['primitives']}", "primitives, coarse / fine"),
+        (f"{coarse['bytes'] / 1024:.1f} / {fine['bytes'] / 1024:.1f} KiB", "on the GPU, coarse / fine"),
+        (
+            f"{_number(coarse['frame_ms'])} / {_number(fine['frame_ms'])} ms",
+            "GPU time of a frame, coarse / fine",
+        ),
+        (f"{difference['flip']:.3f}", "FLIP, coarse against fine (0 is equal)"),
+        (_number(difference["rel_mse"]), "relMSE, coarse against fine"),
+    )
+    inner = "".join(f'<div class="tile"><strong>{a}</strong><span>{b}</span></div>' for a, b in tiles)
+    return f'<div class="tiles">{inner}</div>'
+
+
+def _gi_section(report: Mapping[str, Any], sources: Mapping[str, str]) -> str:
+    difference = report["differences"]["without-gi"]
+    caption = f"Fine set. FLIP between the two {difference['flip']:.3f}. Drag to compare."
+    pair = _pair(sources, ("without-gi", "fine"), ("direct light alone", "with global illumination"), caption)
+    return f"<h2>What the indirect light adds</h2>{pair}"
+
+
+def _set_section(report: Mapping[str, Any], sources: Mapping[str, str]) -> str:
+    counts = {name: report["sets"][name]["primitives"] for name in SETS}
+    tags = tuple(f"{name}, {counts[name]} primitives" for name in SETS)
+    shown = _pair(
+        sources, ("coarse-primitives", "fine-primitives"), tags, "What the light sees: the sets themselves."
+    )
+    final = _pair(sources, SETS, tags, "The scene lit through each.")
+    singles = "".join(
+        f'<figure><img src="{sources[name]}" alt="{caption}"><figcaption>{caption}</figcaption></figure>'
+        for name, caption in (
+            ("coarse-flip", "FLIP map of coarse against fine; bright is different."),
+            ("coarse-indirect", "Indirect radiance, coarse."),
+            ("fine-indirect", "Indirect radiance, fine."),
+        )
+    )
+    return f'<h2>Coarse and fine</h2>{final}<p></p>{shown}<p></p><div class="row">{singles}</div>'
+
+
+def _metrics_section(report: Mapping[str, Any]) -> str:
+    values = [report["sets"][name]["metrics"] for name in SETS]
+    rows = [
+        [label, remark, *(_quantity(value[key], unit) for value in values)]
+        for key, label, unit, remark in METRICS
+    ]
+    shares = [key for key, _, unit, _ in METRICS if unit == "%"]
+    words = {key: label for key, label, _, _ in METRICS}
+    plot = bars(
+        {name: [_percent(value[key]) for key in shares] for name, value in zip(SETS, values, strict=True)},
+        [words[key] for key in shares],
+        "%",
+    )
+    return f"<h2>How well the sets stand in for the mesh</h2>{_table(['', *SETS], rows)}<p></p>{plot}"
+
+
+def _times_section(report: Mapping[str, Any]) -> str:
+    passes = {name: report["sets"][name]["passes_ms"] for name in SETS}
+    passes["without"] = report["without_gi"]["passes_ms"]
+    labels = list(dict.fromkeys(label for times in passes.values() for label in times))
+    frames = report["sets"]["fine"]["timed_frames"]
+    plot = bars(
+        {name: [times.get(label) for label in labels] for name, times in passes.items()}, labels, "ms"
+    )
+    fits = ", ".join(f"{name} {report['sets'][name]['fit_seconds']:.1f} s" for name in SETS)
+    return (
+        f"<h2>Time of each pass</h2><p>GPU milliseconds, median of {frames} frames; <em>without</em> is the "
+        f"fine set without global illumination. The fits took {fits}.</p>{plot}"
+    )
+
+
+def _left_out_section(report: Mapping[str, Any]) -> str:
+    fine = report["sets"]["fine"]
+    rows = [
+        [
+            "skipped parts",
+            "too small to matter",
+            *(str(len(report["sets"][n]["skipped_parts"])) for n in SETS),
+        ]
+    ]
+    for kind in fine["kinds"]:
+        rows.append([kind, "", *(str(report["sets"][name]["kinds"][kind]) for name in SETS)])
+    spaces = "".join(f"<li>{escape(_space(space))}</li>" for space in fine["air"])
+    notes = "".join(f"<li>{escape(note)}</li>" for note in [*fine["notes"], *report["notes"]])
+    return (
+        f"<h2>What the sets are made of</h2>{_table(['', *SETS], rows)}"
+        f"<h2>What was taken as air</h2><ul>{spaces or '<li>nothing</li>'}</ul>"
+        + (f"<h2>Notes</h2><ul>{notes}</ul>" if notes else "")
+    )
+
+
+def _space(space: Mapping[str, Any]) -> str:
+    point = ", ".join(f"{value:.2f}" for value in space["point"])
+    return f"{_number(space['volume'])} m3 around ({point}): {space['evidence']}"
+
+
+def _pair(sources: Mapping[str, str], names: tuple[str, ...], tags: tuple[str, ...], caption: str) -> str:
+    """Two pictures over each other with a divider that can be dragged."""
+    (left, right), (left_tag, right_tag) = names, tags
+    label = escape(f"Divider between {left_tag} and {right_tag}", quote=True)
+    return (
+        f'<figure><div class="pair"><img src="{sources[left]}" alt="{escape(left_tag)}">'
+        f'<img class="over" src="{sources[right]}" alt="{escape(right_tag)}">'
+        f'<input type="range" min="0" max="100" step="0.1" value="50" aria-label="{label}">'
+        f'<div class="edge"></div><span class="tag left">{escape(left_tag)}</span>'
+        f'<span class="tag right">{escape(right_tag)}</span></div>'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
+
+
+def _table(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """First column is the label, the second a remark below it, the others numbers."""
+    head = f"<th>{headers[0]}</th>" + "".join(f'<th class="number">{h}</th>' for h in headers[1:])
+    lines = []
+    for label, remark, *values in rows:
+        small = f"<small>{escape(remark)}</small>" if remark else ""
+        cells = "".join(f'<td class="number">{escape(value)}</td>' for value in values)
+        lines.append(f"<tr><td>{escape(label)}{small}</td>{cells}</tr>")
+    body = "".join(lines)
+    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _quantity(value: float | None, unit: str) -> str:
+    if value is None:
+        return "-"
+    if unit == "%":
+        return f"{100 * value:.2f} %"
+    if unit == "pct":
+        return f"{value:.3f} %"
+    return f"{value:.4g} {unit}".strip()
+
+
+def _percent(value: float | None) -> float | None:
+    return None if value is None else 100 * value
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"
+
+
+def _data_uri(pixels: UInt8) -> str:
+    stream = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(pixels[..., :3])).save(stream, format="PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")

@@ -1,0 +1,51 @@
+"""Plots as SVG text: no script, no library, no network."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+
+WIDTH, LABELS, VALUES = 1000, 270, 90
+"""Widths in SVG units: the plot, its column of labels, and what is kept free for the values."""
+
+BAR, GAP, GROUP_GAP, TOP = 13, 3, 12, 40
+
+
+def bars(series: Mapping[str, Sequence[float | None]], labels: Sequence[str], unit: str) -> str:
+    """Horizontal bars in groups: one group for each label, one bar for each series; None is no bar.
+
+    A series' name is its class in the page's style sheet and its word in the legend.
+    """
+    largest = max((value for row in series.values() for value in row if value is not None), default=0.0)
+    scale = (WIDTH - LABELS - VALUES) / largest if largest > 0 else 0.0
+    group = len(series) * (BAR + GAP) + GROUP_GAP
+    parts = [_legend(series)]
+    for row, label in enumerate(labels):
+        top = TOP + row * group
+        middle = top + (group - GROUP_GAP) / 2 + 4
+        parts.append(f'<text x="{LABELS - 12}" y="{middle:.0f}" text-anchor="end">{escape(label)}</text>')
+        for number, (name, values) in enumerate(series.items()):
+            parts.append(_bar(top + number * (BAR + GAP), values[row], scale, name, unit))
+    height = TOP + len(labels) * group
+    rule = f'<line class="rule" x1="{LABELS}" x2="{LABELS}" y1="{TOP - 6}" y2="{height - 8}"/>'
+    return f'<svg viewBox="0 0 {WIDTH} {height}" role="img">{rule}{"".join(parts)}</svg>'
+
+
+def _bar(y: float, value: float | None, scale: float, name: str, unit: str) -> str:
+    if value is None:
+        return f'<text class="quiet" x="{LABELS + 6}" y="{y + BAR - 2}">-</text>'
+    width = max(value * scale, 1.0)
+    end, text = LABELS + width + 6, escape(f"{value:.3g} {unit}")
+    return (
+        f'<rect class="{name}" x="{LABELS}" y="{y}" width="{width:.1f}" height="{BAR}" rx="2"/>'
+        f'<text class="quiet" x="{end:.1f}" y="{y + BAR - 2}">{text}</text>'
+    )
+
+
+def _legend(series: Mapping[str, Sequence[float | None]]) -> str:
+    parts = []
+    for number, name in enumerate(series):
+        x = LABELS + number * 130
+        parts.append(f'<rect class="{name}" x="{x}" y="12" width="12" height="12" rx="2"/>')
+        parts.append(f'<text x="{x + 18}" y="22">{escape(name)}</text>')
+    return "".join(parts)

@@ -1,0 +1,141 @@
+"""A scene set up to be rendered: its light and camera chosen once, its primitives given for each picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fit.scene import Scene
+from pipelines.errors import UsageError
+from pipelines.options import looks_like_numbers, parse_color, parse_sun
+from pipelines.views import View, choose_view
+
+if TYPE_CHECKING:
+    from fit.primitives import PrimitiveSet
+    from fit.spaces import Air
+    from runtime.device import Gpu
+    from runtime.lights import Illumination
+    from runtime.renderer import Result
+    from runtime.settings import RenderSettings
+    from runtime.sky import Sky
+
+DEFAULT_FRAMES = 64
+"""Frames until the probes' light has settled, three bounces included."""
+
+SOFTWARE_WHOLE_FRAMES = 8
+"""Frames that a software adapter draws whole: enough for a median of the pixels' passes."""
+
+FrameDone = Callable[[int, int], None]
+"""Called with the frames that are done and all that are asked for."""
+
+
+@dataclass(frozen=True)
+class LightingOptions:
+    """The options of light as they were typed; giving `sun` or `sky` switches the file's lights off."""
+
+    sun: str | None = None
+    sky: str | None = None
+    keep_file_lights: bool = False
+
+    def check(self) -> None:
+        """Raises UsageError for values that can't be read."""
+        if self.sun is not None:
+            parse_sun(self.sun)
+        if self.sky is not None and looks_like_numbers(self.sky):
+            parse_color("--sky", self.sky)
+        elif self.sky is not None and not Path(self.sky).is_file():
+            raise UsageError(f"--sky {self.sky}: no such file; give r,g,b or an equirectangular .hdr or .exr")
+
+    def choose(self, scene: Scene) -> Illumination:
+        """What is on in this scene."""
+        from runtime.lights import Sun, choose_illumination
+
+        sun = None
+        if self.sun is not None:
+            given = parse_sun(self.sun)
+            sun = Sun(given.direction, given.strength)
+        return choose_illumination(scene, sun, self._sky(), keep_file_lights=self.keep_file_lights)
+
+    def _sky(self) -> Sky | None:
+        from runtime.sky import Sky
+
+        if self.sky is None:
+            return None
+        if looks_like_numbers(self.sky):
+            return Sky.constant(parse_color("--sky", self.sky))
+        return Sky.from_file(self.sky)
+
+
+AS_IN_THE_FILE = LightingOptions()
+
+
+@dataclass(frozen=True)
+class Studio:
+    """One scene under one light from one camera."""
+
+    gpu: Gpu
+    scene: Scene
+    view: View
+    illumination: Illumination
+    size: tuple[int, int]
+    exposure: float
+
+    @staticmethod
+    def set_up(
+        scene: Scene,
+        camera: str | None,
+        lighting: LightingOptions,
+        size: tuple[int, int],
+        exposure: float,
+        air: Air | None = None,
+    ) -> Studio:
+        """Chooses camera and light and opens the GPU.
+
+        Raises:
+            UsageError: there is no such camera.
+            NoAdapter: there is no GPU; the message says what to install.
+        """
+        from runtime.device import open_device
+
+        view = choose_view(camera, scene, size[0] / size[1], air)
+        return Studio(open_device(), scene, view, lighting.choose(scene), size, exposure)
+
+    def render(
+        self,
+        primitives: PrimitiveSet,
+        technique: str,
+        frames: int,
+        views: tuple[str, ...] = (),
+        done: FrameDone | None = None,
+    ) -> Result:
+        """Renders `frames` frames and returns the last one: its views, and the medians of its passes' times.
+
+        On a software adapter all but the last few frames bring only the light up to date.
+        """
+        from runtime.renderer import Renderer
+
+        whole = min(frames, SOFTWARE_WHOLE_FRAMES) if self.gpu.is_software else frames
+        renderer = Renderer(self.gpu, self.scene, primitives, self.settings(technique), self.illumination)
+        return renderer.render(
+            self.view.camera, frames=whole, settle=frames - whole, only=views, progress=done
+        )
+
+    def settings(self, technique: str) -> RenderSettings:
+        """Settings for one technique; software adapters get smaller shadow maps and textures."""
+        from runtime.settings import PREVIEW, RenderSettings
+
+        base = PREVIEW if self.gpu.is_software else RenderSettings()
+        return replace(base, size=self.size, gi=technique, exposure=self.exposure)
+
+    def describe(self) -> dict[str, Any]:
+        """A report's keys on adapter, camera and light."""
+        return {
+            "adapter": self.gpu.adapter_summary,
+            "software_adapter": self.gpu.is_software,
+            "camera": self.view.origin,
+            "lights": list(self.illumination.describe()),
+            "size": self.size,
+            "exposure": self.exposure,
+        }
