@@ -73,7 +73,7 @@ def decode_albedo(words: UInt32) -> Float64:
 def encode_rgb9e5(colors: ArrayLike) -> UInt32:
     """Colours (..., 3) >= 0 as rgb9e5, red lowest: three 9-bit mantissas, one exponent of bias 15.
 
-    Values above `RGB9E5_LARGEST` are clamped. The largest component keeps 0.1 % down to 3e-5 (below, steps of
+    Values above `RGB9E5_LARGEST` are clamped. The largest component keeps 0.2 % down to 3e-5 (below, steps of
     6e-8); the format is that of EXT_texture_shared_exponent.
     """
     c = np.clip(np.asarray(colors, dtype=np.float64), 0.0, RGB9E5_LARGEST)
