@@ -1,0 +1,78 @@
+"""Albedo and emission of each face of each primitive: means over the surface that it stands for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.primitives import Kind, PrimitiveSet, shared_face_colors
+from fit.scene import Float64, Scene
+from fit.sdf import distance
+from fit.surface import Surface, colors
+from fit.targets import Seen
+
+Index = NDArray[np.int64]
+
+
+def color(
+    primitives: PrimitiveSet, scene: Scene, walls: Surface, seen: Seen, weights: Float64
+) -> PrimitiveSet:
+    """The set with the area-weighted means of the textured linear colours of the surface near each face.
+
+    Every seen sample goes to the primitive whose boundary is nearest, and there to the face that looks its way:
+    so the two sides of a thin wall keep their own colours. A face that stands for no sample takes its
+    primitive's mean, a primitive without any the mean of the scene.
+    weights (p,): of the samples, by area.
+    """
+    if len(primitives) == 0 or len(seen) == 0:
+        return primitives
+    owner = nearest_primitive(primitives, seen.samples.points, seen.normals)
+    face = facing(primitives, owner, seen.normals)
+    albedo, emission, _ = colors(scene, walls, seen.samples.triangle, seen.samples.barycentric)
+    slot = owner * 6 + face
+    shared = [
+        shared_face_colors(
+            primitives.kinds, _means(values, slot, weights, len(primitives)), primitives.face_areas()
+        )
+        for values in (np.clip(albedo, 0.0, 1.0), np.maximum(emission, 0.0))
+    ]
+    return replace(primitives, albedo=shared[0], emission=shared[1])
+
+
+def nearest_primitive(primitives: PrimitiveSet, points: Float64, normals: Float64) -> Index:
+    """Primitive (p,) whose boundary is nearest to each point; of equal ones that which lies behind the surface."""
+    nudge = 1e-6 * float(np.abs(points - points.mean(axis=0)).max())
+    best, owner = np.full(len(points), np.inf), np.zeros(len(points), np.int64)
+    behind = points - nudge * normals
+    for start in range(0, len(points), 4096):
+        rows = slice(start, start + 4096)
+        distances = distance(primitives, points[rows])
+        tie = (distance(primitives, behind[rows]) > 0) * nudge
+        score = np.abs(distances) + tie
+        owner[rows], best[rows] = score.argmin(axis=1), score.min(axis=1)
+    return owner
+
+
+def facing(primitives: PrimitiveSet, owner: Index, normals: Float64) -> Index:
+    """Face (p,) of primitive `owner[i]` that looks along normal i: the one that a sample there stands behind."""
+    local = np.einsum("pij,pi->pj", primitives.rotation_matrices()[owner], normals)
+    flat = primitives.kinds[owner] == Kind.PLANE
+    local[flat, 0] = local[flat, 2] = 0.0  # a sheet shows its two sides only
+    axis = np.abs(local).argmax(axis=1)
+    axis[flat] = 1
+    return 2 * axis + (local[np.arange(len(local)), axis] < 0)
+
+
+def _means(values: Float64, slot: Index, weights: Float64, count: int) -> Float64:
+    """Weighted means (n, 6, 3) over the slots; of the primitive, then of all, where a slot has no sample."""
+    mass = np.bincount(slot, weights=weights, minlength=count * 6).reshape(count, 6)
+    sums = np.stack(
+        [np.bincount(slot, weights=weights * values[:, c], minlength=count * 6) for c in range(3)], axis=1
+    ).reshape(count, 6, 3)
+    whole = sums.sum(axis=(0, 1)) / max(float(mass.sum()), np.finfo(float).tiny)
+    own_mass, own_sum = mass.sum(axis=1), sums.sum(axis=1)
+    own = np.where(own_mass[:, None] > 0, own_sum / np.where(own_mass > 0, own_mass, 1.0)[:, None], whole)
+    face = sums / np.where(mass > 0, mass, 1.0)[:, :, None]
+    return np.where(mass[:, :, None] > 0, face, own[:, None, :])

@@ -1,0 +1,196 @@
+"""The fit of a whole scene: from a glTF's triangles to the primitives that stand for it when light is traced.
+
+`fit` is the method from top to bottom; each step is a module named by its verb, and docs/method.md tells why.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fit.air import find_air
+from fit.build import Pool, build
+from fit.color import color
+from fit.fit_parts import PartFits, fit_parts
+from fit.grow import make_lattice
+from fit.keep import emissive_parts, skip_small_parts
+from fit.measure import Metrics, measure
+from fit.objective import Targets, set_distances
+from fit.orient import find_frames
+from fit.primitives import PrimitiveSet
+from fit.scene import Scene
+from fit.shapes import Shapes, to_primitives
+from fit.spaces import Air
+from fit.split import split
+from fit.surface import Surface, from_scene
+from fit.targets import make_targets, see_surface
+
+BYTES_PER_PRIMITIVE = 64
+SURFACE_SAMPLES, AIR_SAMPLES = 12_000, 12_000
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """What to fit. Without any budget the count follows the scene, up to 128.
+
+    max_primitives, max_bytes (64 a primitive): hard caps; preset: 'coarse' or 'fine' sets `max_primitives` and
+    `skip_below` where they are not given; max_error: metres that 95 % of the seen surface must lie within of the
+    set; skip_below: share of the projected area under which a part gets no primitive; air: seeds, 'outside' or
+    'x,y,z'; resolution: cells of the air's grid along the bounding diagonal.
+    """
+
+    max_primitives: int | None = None
+    max_bytes: int | None = None
+    max_error: float | None = None
+    preset: str | None = None
+    air: tuple[str | tuple[float, float, float], ...] = ()
+    seed: int = 0
+    resolution: float = 180
+    skip_below: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.preset is not None and self.preset not in PRESETS:
+            raise ValueError(f"preset {self.preset!r}: expected one of {', '.join(PRESETS)}")
+        for name, least in (("max_primitives", 1), ("max_bytes", BYTES_PER_PRIMITIVE), ("max_error", 0)):
+            value = getattr(self, name)
+            if value is not None and not value >= least:
+                raise ValueError(f"{name} {value}: expected at least {least}")
+
+    def limit(self) -> int:
+        """Most primitives that any of the caps allows."""
+        preset = PRESETS[self.preset][0] if self.preset else None
+        free = MOST_FOR_ERROR if self.max_error is not None else MOST_BY_DEFAULT
+        wanted = self.max_primitives or preset or free
+        return min(wanted, self.max_bytes // BYTES_PER_PRIMITIVE) if self.max_bytes else wanted
+
+    def least_share(self) -> float:
+        """Projected area under which a part is skipped."""
+        if self.skip_below is not None:
+            return self.skip_below
+        return PRESETS[self.preset][1] if self.preset else SKIP_BY_DEFAULT
+
+    def least_gain(self) -> float:
+        """Share of the empty set's error that one more primitive must take off."""
+        budgeted = self.max_primitives or self.preset or self.max_error is not None
+        return GAIN_WITH_BUDGET if budgeted else GAIN_BY_DEFAULT
+
+
+PRESETS = {"coarse": (48, 0.005), "fine": (192, 0.0005)}
+"""Primitives at most, and the projected area under which a part is skipped."""
+
+MOST_BY_DEFAULT, MOST_FOR_ERROR = 128, 512
+SKIP_BY_DEFAULT = 0.001
+GAIN_BY_DEFAULT, GAIN_WITH_BUDGET = 2e-4, 3e-5
+
+COARSE, FINE = FitSettings(preset="coarse"), FitSettings(preset="fine")
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The set, what it was fitted to and how well; skipped_parts: name and shares of each; seconds by stage."""
+
+    primitives: PrimitiveSet
+    surface: Surface
+    air: Air
+    metrics: Metrics
+    skipped_parts: list[dict[str, object]]
+    seconds: dict[str, float]
+    notes: tuple[str, ...]
+
+
+def fit(scene: Scene, settings: FitSettings = FitSettings(), progress: Progress | None = None) -> Fit:
+    """Fits a set of primitives to a scene.
+
+    Raises:
+        ValueError: no face of the scene stops light, or a seed of the air lies in no space.
+    """
+    stages = _Stages(progress)
+    with stages("air"):
+        surface = from_scene(scene)
+        air = find_air(surface, scene, resolution=settings.resolution, seeds=settings.air)
+    with stages("samples"):
+        seen = see_surface(air, SURFACE_SAMPLES, settings.seed)
+        parts = split(scene, air.walls)
+        wanted, weights, skipped = skip_small_parts(parts, air.walls, seen, settings.least_share())
+        targets = make_targets(seen, air, weights, AIR_SAMPLES, settings.seed)
+    with stages("parts"):
+        parts_fits = fit_parts(air.walls, parts, wanted, targets, seen.samples.triangle)
+        fixed = emissive_parts(scene, air, parts, seen, parts_fits, settings.limit() // 4)
+    with stages("build"):
+        lattices = [
+            make_lattice(air, frame, air.cell, *air.walls.bounds)
+            for frame in find_frames(seen.normals, seen.weights)
+        ]
+        shapes = build(
+            targets, lattices, _pool(parts_fits), fixed,
+            limit=settings.limit(), least_gain=settings.least_gain(),
+            good_enough=_within(targets, settings.max_error), seed=settings.seed, progress=stages.fraction,
+        )  # fmt: skip
+    with stages("color"):
+        primitives = color(to_primitives(shapes), scene, air.walls, seen, seen.weights)
+    with stages("measure"):
+        metrics = measure(primitives, surface, air, seed=settings.seed)
+    return Fit(primitives, surface, air, metrics, skipped, stages.seconds, _notes(shapes, settings, targets))
+
+
+PART_BONUS, EXACT_BONUS = 1.1, 1.5
+"""Factors on the gain of candidates that stand for a whole part, and of those that are it exactly."""
+
+
+def _pool(parts: PartFits) -> Pool:
+    return Pool(parts.shapes, np.where(parts.shapes.exact, EXACT_BONUS, PART_BONUS))
+
+
+def _within(targets: Targets, max_error: float | None) -> Callable[[Shapes], bool] | None:
+    if max_error is None:
+        return None
+    surface = targets.select(np.flatnonzero(targets.is_surface))
+    return lambda shapes: _surface_p95(shapes, surface) <= max_error
+
+
+def _surface_p95(shapes: Shapes, surface: Targets) -> float:
+    return float(np.percentile(np.abs(set_distances(shapes, surface)), 95)) if len(surface) else 0.0
+
+
+def _notes(shapes: Shapes, settings: FitSettings, targets: Targets) -> tuple[str, ...]:
+    notes = []
+    if len(shapes) == 0:
+        notes.append("no primitive: no surface is seen from the air")
+    if settings.max_error is not None:
+        reached = _surface_p95(shapes, targets.select(np.flatnonzero(targets.is_surface)))
+        if reached > settings.max_error:
+            notes.append(
+                f"max_error {settings.max_error:g} m not reached: {reached:.3g} m with {len(shapes)} primitives"
+            )
+    return tuple(notes)
+
+
+@dataclass
+class _Stages:
+    """Seconds of CPU by stage, and the progress callback."""
+
+    progress: Progress | None
+    seconds: dict[str, float] = field(default_factory=dict)
+    name: str = ""
+    started: float = 0.0
+
+    def __call__(self, name: str) -> _Stages:
+        self.name = name
+        return self
+
+    def __enter__(self) -> None:
+        self.started = time.process_time()
+        self.fraction(0.0)
+
+    def __exit__(self, *_: object) -> None:
+        self.seconds[self.name] = time.process_time() - self.started
+        self.fraction(1.0)
+
+    def fraction(self, done: float) -> None:
+        if self.progress:
+            self.progress(self.name, done)

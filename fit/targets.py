@@ -1,0 +1,133 @@
+"""The points that a set is fitted to, drawn from the surfaces that air touches and from the air itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from fit.objective import Targets
+from fit.sample import Samples, sample_surface
+from fit.scene import Float64
+from fit.spaces import Air
+from fit.surface import Surface
+
+REACH_CELLS = 6
+"""Cells of the air's grid beyond which a distance is only 'far': walls are fitted by what is near them."""
+
+SOFT_CELLS = 0.05
+"""Errors below this share of a cell are not worth a move."""
+
+NEAR_CELLS = 3
+"""Half of the air's points are drawn nearer to a surface than this: there the set can be wrong in detail."""
+
+
+RAYS_PER_POINT = 4
+"""Rays from each point of the air: more of them make the projected areas of small parts certain."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The surface as the air sees it: p samples, their normals toward the air, weights that sum to 1.
+
+    Half of the weight is uniform by area, half goes to the first hits of uniform rays from uniform points of
+    the air: what light and probes see. by_area (p,) bool tells the first half from the second; projected (t,) is
+    each wall triangle's share of those first hits, its *projected area*.
+    """
+
+    samples: Samples
+    normals: Float64
+    weights: Float64
+    by_area: NDArray[np.bool_]
+    projected: Float64
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+
+def see_surface(air: Air, count: int, seed: int) -> Seen:
+    """About `count` samples of the surface that air touches; a sheet with air on both sides is seen twice."""
+    by_area, area_normals = _by_area(air.walls, air, count // 2, seed)
+    by_rays, ray_normals, projected = _by_rays(air, count // 2, seed)
+    joined = Samples(
+        *(
+            np.concatenate([getattr(by_area, k), getattr(by_rays, k)])
+            for k in ("points", "normals", "triangle", "barycentric")
+        )
+    )
+    weights = np.concatenate([np.full(len(s), 1.0 / max(len(s), 1)) for s in (by_area, by_rays)])
+    weights /= max(float(weights.sum()), 1.0)
+    is_by_area = np.arange(len(joined)) < len(by_area)
+    return Seen(joined, np.concatenate([area_normals, ray_normals]), weights, is_by_area, projected)
+
+
+def _by_area(surface: Surface, air: Air, count: int, seed: int) -> tuple[Samples, Float64]:
+    samples = sample_surface(surface, count, seed)
+    side = air.touches(samples.points, samples.normals)
+    front, back = np.flatnonzero((side == 1) | (side == 2)), np.flatnonzero((side == -1) | (side == 2))
+    rows = np.concatenate([front, back])
+    normals = np.concatenate([samples.normals[front], -samples.normals[back]])
+    return samples.select(rows), normals
+
+
+def _by_rays(air: Air, count: int, seed: int) -> tuple[Samples, Float64, Float64]:
+    surface = air.walls
+    origins = np.repeat(air.random_points(2 * count, seed), RAYS_PER_POINT, axis=0)
+    directions = np.random.default_rng(seed + 1).normal(size=(len(origins), 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    distance, triangle = air.rays.first_hit(origins, directions)
+    hit = np.flatnonzero(triangle >= 0)
+    projected = np.bincount(triangle[hit], minlength=len(surface)) / max(len(hit), 1)
+    hit = hit[np.linspace(0, len(hit) - 1, min(count, len(hit))).astype(np.int64)]
+    triangle = triangle[hit]
+    points = origins[hit] + distance[hit, None] * directions[hit]
+    barycentric = _barycentric(surface.vertices[triangle], points)
+    points = np.einsum("pc,pck->pk", barycentric, surface.vertices[triangle])
+    normals = surface.normals[triangle]
+    facing = np.where(np.einsum("pk,pk->p", normals, directions[hit]) > 0, -1.0, 1.0)
+    return Samples(points, normals, triangle, barycentric), normals * facing[:, None], projected
+
+
+def _barycentric(corners: Float64, points: Float64) -> Float64:
+    """Weights (p, 3), not negative, of the corners (p, 3, 3) at points in their planes (Ericson 2005, 3.4)."""
+    a, b, p = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
+    aa, ab, bb = (np.einsum("pk,pk->p", u, v) for u, v in ((a, a), (a, b), (b, b)))
+    pa, pb = np.einsum("pk,pk->p", p, a), np.einsum("pk,pk->p", p, b)
+    determinant = np.maximum(aa * bb - ab * ab, np.finfo(float).tiny)
+    v, w = (bb * pa - ab * pb) / determinant, (aa * pb - ab * pa) / determinant
+    weights = np.clip(np.stack([1 - v - w, v, w], axis=1), 0.0, 1.0)
+    return weights / np.maximum(weights.sum(axis=1, keepdims=True), np.finfo(float).tiny)
+
+
+def make_targets(seen: Seen, air: Air, weights: Float64, count: int, seed: int) -> Targets:
+    """Targets of the seen samples of non-zero `weights` (p,), and `count` cells of the free air."""
+    rows = np.flatnonzero(weights > 0)
+    points, distances = _air_points(air, count, seed)
+    surface_count, air_count = len(rows), len(points)
+    return Targets(
+        points=np.concatenate([seen.samples.points[rows], points]),
+        distances=np.concatenate([np.zeros(surface_count), distances]),
+        weights=np.concatenate([weights[rows], np.full(air_count, 1.0 / max(air_count, 1))]),
+        normals=np.concatenate([seen.normals[rows], np.zeros((air_count, 3))]),
+        sample=np.concatenate([rows, np.full(air_count, -1)]).astype(np.int64),
+        caps=np.full(surface_count + air_count, REACH_CELLS * air.cell),
+        reach=REACH_CELLS * air.cell,
+        soft=SOFT_CELLS * air.cell,
+    )
+
+
+def _air_points(air: Air, count: int, seed: int) -> tuple[Float64, Float64]:
+    """Centres of free cells within reach of a surface, half of them near it; and their distances to it."""
+    rng = np.random.default_rng(seed)
+    steps = ndimage.distance_transform_cdt(air.label > 0, "chessboard")  # cells to the nearest solid one
+    drawn: list[NDArray[np.int64]] = []
+    for lowest, highest in ((1, NEAR_CELLS), (NEAR_CELLS + 1, REACH_CELLS)):
+        cells = np.flatnonzero((air.free & (steps >= lowest) & (steps <= highest)).ravel())
+        if len(cells):
+            drawn.append(np.sort(rng.choice(cells, size=min(count // 2, len(cells)), replace=False)))
+    index = np.concatenate([*drawn, np.zeros(0, np.int64)])
+    points = air.grid.centers(np.stack(np.unravel_index(index, air.grid.shape), axis=1))
+    distances = air.tree.nearest(points)[0]
+    return points, np.minimum(distances, REACH_CELLS * air.cell)
