@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.bvh import cut_long_triangles, plane_frames, squared_distances
+from fit.bvh import boxes_around, cut_long_triangles, plane_frames, squared_distances
 from fit.scene import Float64
 
 Bool = NDArray[np.bool_]
@@ -79,9 +79,11 @@ def _mark(corners: Float64, solid: Bool) -> None:
     """Marks the cells near triangles given in units of cells from the grid's corner."""
     pieces, owner = cut_long_triangles(corners, longest=2.0)
     # Centres lie at half-integers; those within half a cell of a piece lie in its box grown by as much.
-    low: Int64 = np.ceil(pieces.min(axis=1) - 1.0 - 1e-9).astype(np.int64)
-    count = np.floor(pieces.max(axis=1) + 1e-9).astype(np.int64) - low + 1
-    pairs = np.maximum(count, 0).prod(axis=1)
+    lower, upper = boxes_around(pieces)
+    low: Int64 = np.ceil(lower - 1.0 - 1e-9).astype(np.int64)
+    count = np.floor(upper + 1e-9).astype(np.int64) - low + 1
+    np.maximum(count, 0, out=count)
+    pairs = count[:, 0] * count[:, 1] * count[:, 2]
     frames = plane_frames(corners)
     for part in np.array_split(np.arange(len(pairs)), int(pairs.sum()) // _PAIRS_PER_CHUNK + 1):
         member, cells = _cells_of_boxes(low[part], count[part], pairs[part])
