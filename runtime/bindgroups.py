@@ -5,8 +5,6 @@ from __future__ import annotations
 import weakref
 from typing import Any
 
-Entries = tuple[tuple[tuple[str, Any], ...], ...]
-
 
 class BindGroups:
     """Caches per device. A bind group is dropped when one of the resources in it is."""
@@ -25,7 +23,7 @@ class BindGroups:
 
     def group(self, layout: Any, slots: tuple[int, ...], resources: tuple[Any, ...]) -> Any:
         """The bind group that holds `resources[i]` in binding `slots[i]`."""
-        key = (layout.uid, *slots, *(resource.uid for resource in resources))
+        key = (layout.uid, *(resource.uid for resource in resources))
         group = self._groups.get(key)
         if group is None:
             entries = [

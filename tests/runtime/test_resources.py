@@ -178,6 +178,26 @@ fn main() {
     np.testing.assert_allclose(out.read(), expected, atol=0.01)
 
 
+@pytest.mark.parametrize(("mip_filter", "expected"), [("linear", 0.25), ("nearest", 0.0), (None, 0.25)])
+def test_samplers_filter_between_mips(gpu, shaders, mip_filter, expected):
+    text = """
+@group(0) @binding(0) var picture: texture_2d<f32>;
+@group(0) @binding(1) var smp: sampler;
+@group(0) @binding(2) var<storage, read_write> out: array<f32>;
+@compute @workgroup_size(1)
+fn main() { out[0] = textureSampleLevel(picture, smp, vec2f(0.5), 0.25).x; }
+"""
+    kernel = Kernel(gpu, "sample", root=shaders({"sample": text}))
+    picture, out = Texture(gpu, (2, 2), "r16float", mips=2), Buffer(gpu, np.zeros(1, np.float32))
+    picture.write(np.zeros((2, 2), np.float16))
+    picture.write(np.ones((1, 1), np.float16), mip=1)
+    recorder = Recorder(gpu)
+    with recorder.compute("sample") as compute_pass:
+        kernel.dispatch(compute_pass, 1, picture=picture, smp=Sampler(gpu, mip_filter=mip_filter), out=out)
+    recorder.submit()
+    np.testing.assert_allclose(out.read(), [expected], atol=0.01)
+
+
 def test_a_comparison_sampler_compares(gpu, shaders):
     text = """
 @group(0) @binding(0) var shadow: texture_depth_2d;

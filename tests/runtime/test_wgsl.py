@@ -180,7 +180,7 @@ fn main() {
 
 def test_workgroup_sizes_follow_the_overrides(shaders):
     text = (
-        "override SIDE: u32 = 4u;\noverride LAYERS: u32;\nconst AREA = HALF_AREA * 2;\nconst HALF_AREA = 3u;\n"
+        "override SIDE: u32 = 4u;\noverride LAYERS: u32;\nconst AREA = HALF * 2;\nconst HALF = 3u;\n"
         "@compute @workgroup_size(SIDE * 2, AREA, LAYERS)\nfn main() {}\n"
     )
     shader = load("k", root=shaders({"k": text}))
