@@ -107,7 +107,8 @@ class World:
         self._longest = Buffer(gpu, np.zeros(1, np.uint32), label="longest candidate list")
         self._records: Buffer | None = None
         self._lists: Buffer | None = None
-        self._room = self.settings.list_length
+        # Without culling there is one cell whose list never fits, so that every query asks all primitives.
+        self._room = self.settings.list_length if self.settings.culling == "grid" else 0
         self._is_stale = True
         self._is_unchecked = True
         self.update(primitives)
@@ -188,13 +189,12 @@ class World:
         cells = s.cells if s.culling == "grid" else 1
         cell = _cell_size(extent, cells)
         self._grid_size = np.clip(np.ceil(extent / cell - 1e-6), 1, LARGEST_GRID_AXIS).astype(np.uint32)
-        room = self._room if s.culling == "grid" else 0
         self._info.write(
             WorldInfo.pack(
                 grid_lower=low,
                 grid_cell=cell,
                 grid_upper=low + self._grid_size * cell,
-                stride=room + 1,
+                stride=self._room + 1,
                 grid_size=self._grid_size,
                 primitive_count=len(self.primitives),
                 finite_count=self.finite_count,
@@ -203,7 +203,7 @@ class World:
                 start_limit=self.start_limit,
             )
         )
-        size = 4 * int(np.prod(self._grid_size)) * (room + 1)
+        size = 4 * int(np.prod(self._grid_size)) * (self._room + 1)
         if self._lists is None or self._lists.size < size:
             self._lists = Buffer(self.gpu, size, label="candidate lists")
 

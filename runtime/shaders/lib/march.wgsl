@@ -12,9 +12,11 @@ import package::world::bindings::{FAR, NO_PRIMITIVE, primitives, world, world_sh
 // were let through instead would leak.
 const MARCH_STEPS: u32 = 128u;
 
-// Strides of `trace_start`, and the least of them as a share of the margin.
+// Strides of `trace_start`, the least of them as a share of the margin, and the share of its distance that a point
+// may lose to a stride: in a corner, the other wall comes no nearer.
 const START_STEPS: u32 = 8u;
 const START_HAIR: f32 = 0.125;
+const START_GAIN: f32 = 0.9;
 
 struct Hit {
     t: f32,
@@ -78,33 +80,43 @@ fn march_ray(origin: vec3f, direction: vec3f, reach: f32) -> Arrival {
     var before = FAR;
     var is_approaching = false;
     for (var step = 1u; step <= MARCH_STEPS; step++) {
-        nearest = nearest_finite(origin + direction * t, left);
-        if nearest.distance < world.hit_distance {
-            return Arrival(t, nearest.primitive, step, 0.0);
+        let position = origin + direction * t;
+        nearest = nearest_finite(position, left);
+        let is_bound = nearest.primitive == NO_PRIMITIVE;
+        var stride = nearest.distance;
+        if nearest.distance < world.hit_distance && !is_bound {
+            if !march_is_leaving(nearest, position, direction) {
+                return Arrival(t, nearest.primitive, step, 0.0);
+            }
+            stride = world.hit_distance;
         }
         if is_approaching && nearest.distance > before {
             arrival.clearance = min(arrival.clearance, before / t);
         }
-        is_approaching = step > 1u && nearest.distance < before;
-        before = nearest.distance;
-        t += nearest.distance;
+        is_approaching = step > 1u && nearest.distance < before && !is_bound;
+        before = select(nearest.distance, 0.0, is_bound);
+        t += stride;
         arrival.steps = step;
         if t >= span.y {
             return arrival;
         }
     }
-    return Arrival(t, nearest.primitive, MARCH_STEPS, 0.0);
+    return Arrival(t, select(nearest.primitive, left, nearest.primitive == NO_PRIMITIVE), MARCH_STEPS, 0.0);
 }
 
-// The primitive on whose surface, or just outside of it, a ray starts on its way out; else NO_PRIMITIVE.
+// Whether a ray at a position on a primitive's surface, or outside of it, goes away from it.
+fn march_is_leaving(nearest: Nearest, position: vec3f, direction: vec3f) -> bool {
+    return nearest.distance > -world.hit_distance
+        && dot(shape_gradient(world_shape(nearest.primitive), position), direction) >= 0.0;
+}
+
+// The nearest primitive, when a ray starts by leaving it; else NO_PRIMITIVE.
 fn march_left_primitive(origin: vec3f, direction: vec3f, start: f32) -> u32 {
     if start > 0.0 {
         return NO_PRIMITIVE;
     }
     let nearest = nearest_finite(origin, NO_PRIMITIVE);
-    let is_leaving = nearest.distance > -world.hit_distance
-        && dot(shape_gradient(world_shape(nearest.primitive), origin), direction) >= 0.0;
-    return select(NO_PRIMITIVE, nearest.primitive, is_leaving);
+    return select(NO_PRIMITIVE, nearest.primitive, march_is_leaving(nearest, origin, direction));
 }
 
 // The surface that a ray sees; its primitive is NO_PRIMITIVE, and t the reach, where it sees none.
@@ -154,7 +166,7 @@ fn trace_start(position: vec3f, normal: vec3f) -> vec4f {
         }
         let stride = select(max(distance, hair), hair - distance, distance < 0.0);
         let onwards = world_distance(position + normal * (moved + stride));
-        if distance > 0.0 && onwards <= distance {
+        if distance > 0.0 && onwards < START_GAIN * distance {
             break;
         }
         moved += stride;

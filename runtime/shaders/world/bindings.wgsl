@@ -14,6 +14,13 @@ const FAR: f32 = 3.0e38;
 // Count of a candidate list that did not fit: its cell asks all primitives, slower but just as exact.
 const ALL_CANDIDATES: u32 = 0xffffffffu;
 
+// How far lists reach, in cells: half the diagonal of a cell, and a tenth more (lib/candidates tells what for).
+const CANDIDATES_REACH: f32 = 0.8660254 * 1.1;
+
+fn world_cell_centre(cell: vec3u) -> vec3f {
+    return world.grid_lower + (vec3f(cell) + 0.5) * world.grid_cell;
+}
+
 fn world_shape(index: u32) -> Shape {
     return decode_shape(primitives[4u * index], primitives[4u * index + 1u]);
 }
