@@ -117,9 +117,9 @@ def convert_files(
     max_bytes
         At most this many bytes on the GPU; 64 for each primitive.
     max_error
-        Stop adding primitives once the mean distance error is below this, metres.
+        Stop adding primitives once 95 % of the seen surface is this near to the set, metres.
     preset
-        coarse or fine: budgets that suit a scene.
+        coarse (48 primitives at most) or fine (192), where no other budget is given.
     air
         A space that is air: outside, or a point x,y,z in it. May be given several times.
     scale

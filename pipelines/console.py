@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -17,12 +18,17 @@ Update = Callable[[str, float], None]
 """Called with what is at work and how much of the whole is done, 0 to 1."""
 
 
+PIPE_WIDTH = 160
+"""Columns of a table that goes to a file or another program."""
+
+
 class Terminal:
     """stdout and stderr of one command. With `as_json`, stdout carries one JSON document and nothing else."""
 
     def __init__(self, as_json: bool = False) -> None:
         self.as_json = as_json
-        self._out = Console(highlight=False, soft_wrap=True, markup=False)
+        width = None if sys.stdout.isatty() else PIPE_WIDTH
+        self._out = Console(highlight=False, soft_wrap=True, markup=False, width=width)
         self._err = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
 
     def note(self, text: str) -> None:

@@ -18,8 +18,14 @@ Preset = Literal["coarse", "fine"]
 
 RESULT_SUFFIXES = (".prims.glb", ".prims.npz")
 
-SHOWN_METRICS = ("surface_to_set_mean_m", "covered_half_pct", "false_solid", "leaks", "blocked")
-"""The metrics that the printed table shows; the report has all of them."""
+SHOWN_METRICS = {
+    "mean error, m": "surface_to_set_mean_m",
+    "covered": "covered_half_pct",
+    "false solid": "false_solid",
+    "leaks": "leaks",
+    "blocked": "blocked",
+}
+"""The metrics that the printed table shows, by their headers; the report has all of them."""
 
 EMPTY_ROW: dict[str, Any] = {
     "name": None,
@@ -121,9 +127,12 @@ def check(settings: ConvertSettings) -> None:
             parse_seed(text)
         except ValueError as error:
             raise UsageError(f"--air {text}: {error}") from error
+    from fit.primitives import GPU_RECORD_BYTES
+
+    if settings.max_bytes is not None and settings.max_bytes < GPU_RECORD_BYTES:
+        raise UsageError(f"--max-bytes {settings.max_bytes}: one primitive takes {GPU_RECORD_BYTES}")
     for option, value in (
         ("--max-primitives", settings.max_primitives),
-        ("--max-bytes", settings.max_bytes),
         ("--max-error", settings.max_error),
         ("--scale", settings.scale),
         ("--timeout", settings.timeout),
@@ -237,13 +246,13 @@ def show(report: dict[str, Any], settings: ConvertSettings, terminal: Terminal) 
             row["status"],
             row["primitives"],
             row["bytes"],
-            *((row["metrics"] or {}).get(key) for key in SHOWN_METRICS),
+            *((row["metrics"] or {}).get(key) for key in SHOWN_METRICS.values()),
             row["seconds"],
             row["peak_rss_mb"],
         ]
         for row in report["assets"]
     ]
-    terminal.table(["name", "status", "primitives", "bytes", *SHOWN_METRICS, "seconds", "peak MiB"], rows)
+    terminal.table(["name", "status", "set", "bytes", *SHOWN_METRICS, "seconds", "MiB"], rows)
     for row in report["assets"]:
         if row["error"]:
             terminal.line(f"failed   {row['source']}: {row['error']}")

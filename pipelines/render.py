@@ -64,7 +64,7 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
     start = CONVERT_SHARE if settings.primitives is None else 0.1
 
     def done(frame: int, frames: int) -> None:
-        progress(f"render, frame {frame} of {frames}", start + (1 - start) * frame / frames)
+        progress("render", start + (1 - start) * frame / frames)
 
     began = time.perf_counter()
     views = (settings.view, *(AOV_LAYERS if settings.aov else ()))
