@@ -61,7 +61,7 @@ def _prim(primitives: PrimitiveSet, i: int, quad: float) -> str:
     head = _GPRIMS[kind].format(node_name(kind, i)) if one_color else _mesh(kind, node_name(kind, i))
     colors = albedo[:1] if one_color else _triangle_colors(kind, albedo)
     lines = [
-        "        float3[] extent = [(-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)]",
+        f"        float3[] extent = {_tuples(_extent(kind))}",
         f"        color3f[] primvars:displayColor = {_tuples(colors)} (",
         f'            interpolation = "{"constant" if one_color else "uniform"}"',
         "        )",
@@ -90,6 +90,12 @@ def _mesh(kind: str, name: str) -> str:
         '            interpolation = "vertex"\n        )\n'
         '        uniform token subdivisionScheme = "none"\n'
     )
+
+
+def _extent(kind: str) -> NDArray[np.float32]:
+    """Corners (2, 3) of the box around a kind's unit mesh."""
+    points = UNIT_MESHES[kind].positions
+    return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
 def _triangle_colors(kind: str, albedo: NDArray[np.float32]) -> NDArray[np.float32]:
