@@ -75,7 +75,8 @@ def orthographic(half_width: float, half_height: float, near: float, far: float)
 
 
 def projection(camera: Camera, size: tuple[int, int]) -> Projection:
-    """The camera's projection onto a picture of (width, height) pixels. The picture's own aspect ratio counts.
+    """The camera's projection onto a picture of (width, height) pixels. The picture's own aspect ratio
+    counts.
 
     Raises:
         ValueError: the camera has neither `yfov` nor `ymag`.

@@ -1,4 +1,5 @@
-"""Direct light: the lights' buffers, their shadow maps and reflective shadow maps, and the pass that lights pixels."""
+"""Direct light: the lights' buffers, their shadow maps and reflective shadow maps, and the pass that lights
+pixels."""
 
 from __future__ import annotations
 
@@ -20,8 +21,8 @@ RSM_TARGETS = {"rsm_normal": "r32uint", "rsm_radiance": "rgba16float"}
 class LightMaps:
     """The lights on the GPU, with one atlas of shadow maps that are reflective shadow maps too.
 
-    The maps are drawn again only when a light or an instance has moved; colours may change for free. Without meshes
-    there are no maps and every light is shadowed by tracing the primitives.
+    The maps are drawn again only when a light or an instance has moved; colours may change for free.
+    Without meshes there are no maps and every light is shadowed by tracing the primitives.
     """
 
     def __init__(

@@ -33,7 +33,8 @@ class ImageError(ValueError):
 
 
 def encode(radiance: Float32, exposure: float = 0.0, curve: ToneCurve = ToneCurve.LINEAR) -> UInt8:
-    """Linear Rec.709 (..., 3) as sRGB bytes: exposure in EV, then the tone curve. The composite/tone_map kernel's twin."""
+    """Linear Rec.709 (..., 3) as sRGB bytes: exposure in EV, then the tone curve. The composite/tone_map
+    kernel's twin."""
     toned = color_tone(np.asarray(radiance, np.float64), exposure, curve.code)
     return np.floor(color_srgb_from_linear(toned) * 255 + 0.5).astype(np.uint8)
 
@@ -48,7 +49,8 @@ def write_png(path: str | Path, pixels: UInt8) -> None:
 
 
 def write_exr(path: str | Path, picture: Float32, layers: Mapping[str, Float32] | None = None) -> None:
-    """Writes a picture (height, width, 3) as R, G, B, and layers as `name.channel`, all float32, row 0 on top.
+    """Writes a picture (height, width, 3) as R, G, B, and layers as `name.channel`, all float32, row 0 on
+    top.
 
     No exposure, no tone curve. `layers` may hold any view by its name; `CHANNELS` names what is no colour.
 
@@ -110,7 +112,8 @@ def read_layers(path: str | Path) -> tuple[Float32, tuple[str, ...]]:
 def area_resample(
     values: NDArray[np.floating], axis: int, count: int, weights: NDArray[np.floating] | None = None
 ) -> NDArray[np.float64]:
-    """Averages along an axis to `count` equal cells, each over exactly the samples it covers, parts of them included.
+    """Averages along an axis to `count` equal cells, each over exactly the samples it covers, parts of them
+    included.
 
     `weights` (length of the axis): how much each sample counts, such as its solid angle.
     """

@@ -55,8 +55,8 @@ class Lighting(GpuStruct):
 
 @dataclass(frozen=True)
 class Sun:
-    """Parallel light of no angular size. direction: towards the sun, of any length; irradiance: W/m2 on a surface
-    that faces it."""
+    """Parallel light of no angular size. direction: towards the sun, of any length; irradiance: W/m2 on a
+    surface that faces it."""
 
     direction: Triple
     irradiance: Triple | float = DEFAULT_SUN_IRRADIANCE
@@ -134,7 +134,8 @@ def choose_illumination(
 ) -> Illumination:
     """What is on: a given sun or sky switches the file's lights off unless they are asked for.
 
-    A scene with no light of its own, neither lamps nor emission, gets a default sun and a white sky, and a note.
+    A scene with no light of its own, neither lamps nor emission, gets a default sun and a white sky, and a
+    note.
     """
     given = sun is not None or sky is not None
     from_file = file_lights(scene) if keep_file_lights or not given else ()
@@ -179,8 +180,8 @@ def plan_tiles(
 ) -> tuple[tuple[Tile, ...], tuple[int, int]]:
     """A tile for each sun and spot that gets one, and the atlas size (width, height).
 
-    bounds: world-space box around what casts shadows, None when nothing does; then nobody needs a tile. Suns stand in
-    a column of full tiles, spots below them in pairs of half ones.
+    bounds: world-space box around what casts shadows, None when nothing does; then nobody needs a tile.
+    Suns stand in a column of full tiles, spots below them in pairs of half ones.
     """
     tiles: list[Tile] = []
     size, half = settings.map_size, settings.map_size // 2

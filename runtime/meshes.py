@@ -1,4 +1,5 @@
-"""The scene's triangles on the GPU: one vertex and one index buffer, instances, materials, and how to draw them."""
+"""The scene's triangles on the GPU: one vertex and one index buffer, instances, materials, and how to draw
+them."""
 
 from __future__ import annotations
 
@@ -59,9 +60,9 @@ class Draw:
 class SceneMeshes:
     """Everything that a raster pass needs of a scene.
 
-    Each mesh is stored around its own centre, and each instance's matrix leads from there to local space (world minus
-    `origin`) in one float64 product, so that float32 is precise however far from its origin a file was modelled.
-    Transmissive surfaces are left out, as `fit` leaves them out; `notes` says so.
+    Each mesh is stored around its own centre, and each instance's matrix leads from there to local space
+    (world minus `origin`) in one float64 product, so that float32 is precise however far from its origin a
+    file was modelled. Transmissive surfaces are left out, as `fit` leaves them out; `notes` says so.
     """
 
     def __init__(self, gpu: Gpu, scene: Scene, origin: Float64, max_texture_size: int) -> None:
@@ -77,7 +78,8 @@ class SceneMeshes:
             -1, 4, 4
         )
         self._previous = self._placements
-        self._instances = Buffer(gpu, max(len(self._order), 1) * Instance.dtype.itemsize, "storage", label="instances")
+        room = max(len(self._order), 1) * Instance.dtype.itemsize
+        self._instances = Buffer(gpu, room, "storage", label="instances")
         self._write_instances()
         self.notes = (*_transmission_note(scene), *self._textures.notes)
 
@@ -93,7 +95,8 @@ class SceneMeshes:
         return sum(buffer.size for buffer in buffers) + self._textures.bytes
 
     def bounds(self) -> tuple[Float64, Float64] | None:
-        """Corners of the world-space box around the boxes of all drawn instances; None when nothing is drawn."""
+        """Corners of the world-space box around the boxes of all drawn instances; None when nothing is
+        drawn."""
         boxes = []
         for place, index in zip(self._placements, self._order, strict=True):
             points = self._scene.meshes[self._scene.instances[index].mesh].positions

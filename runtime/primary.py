@@ -17,7 +17,8 @@ TARGETS = {
 
 
 class GBuffer:
-    """Textures of one picture size. Depth is reversed; 0 is the background, where everything else is 0 too."""
+    """Textures of one picture size. Depth is reversed; 0 is the background, where everything else is 0
+    too."""
 
     def __init__(self, gpu: Gpu, size: tuple[int, int]) -> None:
         self.size = size

@@ -1,4 +1,5 @@
-"""The frame, read from top to bottom: world, shadow maps, technique, G-buffer, direct light, indirect light, picture.
+"""The frame, read from top to bottom: world, shadow maps, technique, G-buffer, direct light, indirect
+light, picture.
 
     renderer = Renderer(gpu, scene, primitives, RenderSettings(size=(640, 360), gi="sdfddgi"))
     result = renderer.render(camera, frames=16)
@@ -43,9 +44,10 @@ UInt8 = NDArray[np.uint8]
 class Result:
     """A finished frame.
 
-    images: the views asked for, (height, width, 3) float32 linear, scene units, no exposure; `final` is always there.
-    timings: milliseconds of each pass on the GPU, the median over the frames in which it ran; None where the device
-    keeps no time. notes: what was done silently nowhere else: textures halved, lights off, materials left out.
+    images: the views asked for, (height, width, 3) float32 linear, scene units, no exposure; `final` is
+    always there. timings: milliseconds of each pass on the GPU, the median over the frames in which it ran;
+    None where the device keeps no time. notes: what was done silently nowhere else: textures halved, lights
+    off, materials left out.
     """
 
     images: Mapping[str, Float32]
@@ -65,8 +67,8 @@ class Result:
 class Renderer:
     """Draws a scene, lit through its primitives.
 
-    `illumination` None: the scene's own lights, or a default (`lights.choose_illumination`). Raises ValueError for an
-    unknown technique.
+    `illumination` None: the scene's own lights, or a default (`lights.choose_illumination`). Raises
+    ValueError for an unknown technique.
     """
 
     def __init__(
@@ -104,7 +106,7 @@ class Renderer:
         self._camera: Camera | None = None
         self._previous_camera: Camera | None = None
 
-    # ------------------------------------------------------------------------------------------ what may change
+    # ---- what may change
 
     def set_camera(self, camera: Camera) -> None:
         """Looks through another camera from the next frame on."""
@@ -136,10 +138,11 @@ class Renderer:
         self.settings = replace(self.settings, exposure=exposure)
         self._tone_map.set(exposure, self.settings.tone_curve)
 
-    # ------------------------------------------------------------------------------------------ one frame
+    # ---- one frame
 
     def draw_frame(self, *, only_light: bool = False) -> None:
-        """Records and submits one frame. `only_light` leaves out what only the picture needs: the G-buffer on."""
+        """Records and submits one frame. `only_light` leaves out what only the picture needs: the G-buffer
+        on."""
         camera = self._camera or overview(self.scene, self.settings.size[0] / self.settings.size[1])
         self._camera = camera
         self._frame.write(
@@ -161,10 +164,11 @@ class Renderer:
             self._record_indirect(rec)
             self._record_radiance(rec)
             self._tone_map.record(rec, self._radiance)
-            self._previous_camera = camera
-            self.meshes.end_frame()
         rec.submit()
         self._index += 1
+        if not only_light:  # a buffer written before the submission would change what it draws
+            self._previous_camera = camera
+            self.meshes.end_frame()
 
     def _record_indirect(self, rec: Recorder) -> None:
         """Indirect irradiance at every pixel, from the technique."""
@@ -197,7 +201,7 @@ class Renderer:
             **self._frame_bindings(),
         }
 
-    # ------------------------------------------------------------------------------------------ pictures
+    # ---- pictures
 
     def render(
         self,
@@ -208,10 +212,11 @@ class Renderer:
         only: Sequence[str] = ("final",),
         progress: Callable[[int, int], None] | None = None,
     ) -> Result:
-        """Draws `settle` frames that only bring the light up to date, then `frames` whole ones, and reads `only`.
+        """Draws `settle` frames that only bring the light up to date, then `frames` whole ones, and reads
+        `only`.
 
-        camera: None keeps the last one, or takes an overview. only: names of `all_views`. progress: called after each
-        frame with how many are done and how many there are.
+        camera: None keeps the last one, or takes an overview. only: names of `all_views`. progress: called
+        after each frame with how many are done and how many there are.
 
         Raises:
             ValueError: no frame, or an unknown view; the message lists those there are.

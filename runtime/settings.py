@@ -1,4 +1,5 @@
-"""What a frame is made with: frozen dataclasses, lengths in metres, radiance in W/m2/sr, exposure in stops."""
+"""What a frame is made with: frozen dataclasses, lengths in metres, radiance in W/m2/sr, exposure in
+stops."""
 
 from __future__ import annotations
 
@@ -30,10 +31,10 @@ class ToneCurve(StrEnum):
 class ShadowSettings:
     """Shadow maps and reflective shadow maps.
 
-    map_size: texels along the side of a sun's map; spots have half. max_suns, max_spots: how many get a map, the
-    others are shadowed by tracing the primitives. rsm_tolerance: how far, in metres, a reflective shadow map's sample
-    may lie from a hit that takes its light; half the hit primitive's thickness is a second limit.
-    rsm_normal_agreement: smallest cosine between the two normals.
+    map_size: texels along the side of a sun's map; spots have half. max_suns, max_spots: how many get a
+    map, the others are shadowed by tracing the primitives. rsm_tolerance: how far, in metres, a reflective
+    shadow map's sample may lie from a hit that takes its light; half the hit primitive's thickness is a
+    second limit. rsm_normal_agreement: smallest cosine between the two normals.
     """
 
     map_size: int = 2048
@@ -46,8 +47,8 @@ class ShadowSettings:
         rows = self.max_suns + (self.max_spots + 1) // 2 / 2
         if not 16 <= self.map_size * max(rows, 1) <= 8192:
             raise ValueError(
-                f"shadow maps of {self.map_size} texels for {self.max_suns} suns and {self.max_spots} spots do not "
-                "fit into 8192 rows: take a smaller map_size"
+                f"shadow maps of {self.map_size} texels for {self.max_suns} suns and {self.max_spots} spots "
+                "do not fit into 8192 rows: take a smaller map_size"
             )
 
 
@@ -55,9 +56,9 @@ class ShadowSettings:
 class RenderSettings:
     """Everything about a picture but the scene, its lighting and the camera.
 
-    size: width and height in pixels. gi: name of the global illumination technique; technique: its own settings, or
-    None for its defaults. exposure: stops (EV), never automatic. max_texture_size: wider textures are halved until
-    they fit.
+    size: width and height in pixels. gi: name of the global illumination technique; technique: its own
+    settings, or None for its defaults. exposure: stops (EV), never automatic. max_texture_size: wider
+    textures are halved until they fit.
     """
 
     size: tuple[int, int] = (640, 360)

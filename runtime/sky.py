@@ -1,4 +1,5 @@
-"""The sky: constant, a gradient, or an equirectangular picture. Radiance in W/m2/sr; also what the background shows."""
+"""The sky: constant, a gradient, or an equirectangular picture. Radiance in W/m2/sr; also what the
+background shows."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ class SkyModel(GpuStruct):
 
 @dataclass(frozen=True)
 class Sky:
-    """Radiance base + slope (axis . direction), or that of `picture` (height, width, 3) float32, which goes first.
+    """Radiance base + slope (axis . direction), or that of `picture` (height, width, 3) float32, which goes
+    first.
 
     Picture: u = atan2(x, -z) / 2 pi mod 1, v = acos(y) / pi, row 0 at the zenith.
     """

@@ -89,7 +89,8 @@ class Views:
         self._layer = Texture(gpu, size, "rgba32float", "sample|storage", label="layer")
 
     def extract(self, name: str, shared: Mapping[str, Resource]) -> NDArray[np.float32]:
-        """The layer or traced view called `name`, (height, width, 4) float32, alpha 1 where there is a surface.
+        """The layer or traced view called `name`, (height, width, 4) float32, alpha 1 where there is a
+        surface.
 
         `shared` holds what its kernel binds: frame, world, G-buffer, irradiances.
 
@@ -114,8 +115,8 @@ class Views:
 def to_display(name: str, pixels: Float32, settings: RenderSettings) -> UInt8:
     """A view's numbers (height, width, 3) as sRGB bytes for people.
 
-    Radiance and irradiance get the exposure and the tone curve; colours that are shares are shown as they are;
-    directions, positions, depths and motions are mapped to [0, 1] first.
+    Radiance and irradiance get the exposure and the tone curve; colours that are shares are shown as they
+    are; directions, positions, depths and motions are mapped to [0, 1] first.
     """
     if name in ("final", "direct", "indirect", "irradiance", "emission"):
         return encode(pixels, settings.exposure, settings.tone_curve)

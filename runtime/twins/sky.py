@@ -7,7 +7,8 @@ Array = NDArray[np.floating]
 
 
 def sky_uv(direction: Array) -> Array:
-    """Equirectangular coordinates (n, 2) of unit directions (n, 3): u = atan2(x, -z) / 2 pi mod 1, v = acos(y) / pi."""
+    """Equirectangular coordinates (n, 2) of unit directions (n, 3): u = atan2(x, -z) / 2 pi mod 1, v =
+    acos(y) / pi."""
     turns = np.arctan2(direction[:, 0], -direction[:, 2]) / (2 * np.pi)
     return np.stack([turns - np.floor(turns), np.arccos(np.clip(direction[:, 1], -1, 1)) / np.pi], axis=1)
 
@@ -18,7 +19,8 @@ def sky_gradient(base: Array, slope: Array, axis: Array, direction: Array) -> Ar
 
 
 def sky_level(solid_angle: Array, size: Array) -> Array:
-    """Level (n,) of the pyramid over a picture of `size` (n, 2) whose texels at the horizon cover the solid angle."""
+    """Level (n,) of the pyramid over a picture of `size` (n, 2) whose texels at the horizon cover the solid
+    angle."""
     texel = 2 * np.pi**2 / (size[:, 0] * size[:, 1])
     return np.maximum(0.5 * np.log2(np.maximum(solid_angle, 1e-12) / texel), 0)
 

@@ -30,7 +30,7 @@ fn lights_texel_size(light: Light, position: vec3f) -> f32 {
 fn lights_project(light: Light, position: vec3f) -> vec4f {
     let clip = light.clip_from_local * vec4f(position, 1.0);
     let ndc = clip.xyz / select(1.0, clip.w, clip.w > 0.0);
-    let inside = clip.w > 0.0 && all(abs(ndc.xy) < vec2f(1.0)) && ndc.z <= 1.0;
+    let inside = clip.w > 0.0 && all(abs(ndc.xy) < vec2f(1.0));
     let texel = light.tile_corner + (ndc.xy * vec2f(0.5, -0.5) + 0.5) * light.tile_size;
     return vec4f(texel, ndc.z, select(0.0, 1.0, inside));
 }
@@ -96,7 +96,7 @@ fn lights_rsm_radiance(light: Light, position: vec3f, normal: vec3f, half_thickn
     if place.w == 0.0 {
         return vec4f(0.0);
     }
-    let texel = vec2i(place.xy);
+    let texel = vec2i(min(place.xy, light.tile_corner + light.tile_size - 1.0));
     let depth = textureLoad(shadow_depth, texel, 0);
     if depth == 0.0 {
         return vec4f(0.0);
