@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 
 from fit.objective import Targets, error, penalties, penalty_slopes
 from fit.scene import Float64
-from fit.shapes import PARAMETERS, Shapes, distances_to_one, moved, pair_derivatives
+from fit.shapes import PARAMETERS, Shapes, distances_to_one, moved, pair_derivatives, pair_distances
 
 NEAREST = 4
 """Shapes that may become a target's nearest one while the optimiser moves them."""
+
+MOST_STEPS = 2.0
+"""Largest steps that a face moves by: its centre's and its extent's together."""
 
 MAX_TURN = 0.3
 """Radians that a shape may turn in one refinement: farther away lies another start, not this optimum."""
@@ -53,12 +56,14 @@ def refine(
 def _descend(
     shapes: Shapes, targets: Targets, free: NDArray[np.bool_], max_step: float, evaluations: int
 ) -> Shapes:
-    point, shape = _pairs_within_reach(shapes, targets)
+    point, shape = _pairs_that_matter(shapes, targets, max_step)
     if len(point) == 0:
         return shapes
     starts = np.flatnonzero(np.diff(point, prepend=-1))
-    rows = point[starts]
-    members, row_of_pair = targets.select(rows), np.cumsum(np.diff(point, prepend=-1) > 0) - 1
+    members = targets.select(point[starts])
+    first_of_run = np.zeros(len(point), np.int64)
+    first_of_run[starts[1:]] = 1
+    run = np.cumsum(first_of_run)
     pair_points = targets.points[point]
     scale = _scales(shapes, max_step)
     moving = np.flatnonzero(free)
@@ -72,18 +77,20 @@ def _descend(
     def objective(x: Float64, gradient: Float64) -> float:
         nonlocal best_x, best_value
         trial = moved(shapes, steps(x))
-        distances, derivatives = pair_derivatives(trial, pair_points, shape)
+        distances = pair_distances(trial, pair_points, shape)
         nearest = np.minimum.reduceat(distances, starts)
         value = float(penalties(members, nearest).sum())
         if np.isfinite(value) and value < best_value:
             best_x, best_value = x.copy(), value
         if gradient.size:
-            chosen = distances <= nearest[row_of_pair]
-            slope = penalty_slopes(members, nearest)[row_of_pair[chosen]]
-            local = slope[:, None] * _in_current_frame(shapes, trial, derivatives[chosen], shape[chosen])
-            total = np.empty((len(shapes), PARAMETERS))
-            for k in range(PARAMETERS):
-                total[:, k] = np.bincount(shape[chosen], weights=local[:, k], minlength=len(shapes))
+            slope = penalty_slopes(members, nearest)[run]
+            carriers = np.flatnonzero((distances <= nearest[run]) & (slope != 0))
+            derivatives = pair_derivatives(trial, pair_points[carriers], shape[carriers]) * slope[carriers]
+            total = np.stack(
+                [np.bincount(shape[carriers], weights=row, minlength=len(shapes)) for row in derivatives],
+                axis=1,
+            )
+            total[:, 3:6] = _in_start_frames(shapes, trial, total[:, 3:6])
             gradient[:] = (total * scale)[moving].ravel()
         return value
 
@@ -100,50 +107,39 @@ def _descend(
     return moved(shapes, steps(best_x))
 
 
-def _pairs_within_reach(shapes: Shapes, targets: Targets) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """For each target its `NEAREST` shapes within twice the reach: rows of targets, sorted, and shapes."""
+def _pairs_that_matter(
+    shapes: Shapes, targets: Targets, max_step: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows of targets, sorted, and shapes that may become their nearest within reach while all of them move."""
     kept = min(NEAREST, len(shapes))
-    distances = np.full((len(targets), kept), np.inf)
-    nearest = np.zeros((len(targets), kept), np.int64)
+    distances = np.full((kept, len(targets)), np.inf)
+    nearest = np.zeros((kept, len(targets)), np.int64)
     for i in range(len(shapes)):
         d = distances_to_one(shapes, i, targets.points)
         which = np.full(len(targets), i)
         for k in range(kept):  # one step of insertion sort, for all targets at once
-            closer = d < distances[:, k]
-            d, distances[:, k] = np.where(closer, distances[:, k], d), np.where(closer, d, distances[:, k])
-            which, nearest[:, k] = (
-                np.where(closer, nearest[:, k], which),
-                np.where(closer, which, nearest[:, k]),
-            )
-    point, column = np.nonzero(distances < 2 * targets.reach)
-    return point, nearest[point, column]
+            closer = d < distances[k]
+            d, distances[k] = np.where(closer, distances[k], d), np.where(closer, d, distances[k])
+            which, nearest[k] = np.where(closer, nearest[k], which), np.where(closer, which, nearest[k])
+    limit = np.minimum(distances[0] + 2 * MOST_STEPS * max_step, targets.reach + MOST_STEPS * max_step)
+    point, column = np.nonzero((distances <= limit).T)
+    return point, nearest[column, point]
 
 
-def _in_current_frame(
-    shapes: Shapes, trial: Shapes, derivatives: Float64, index: NDArray[np.integer]
-) -> Float64:
-    """Derivatives by the rotation vector from the start, from those by a further small turn.
+def _in_start_frames(shapes: Shapes, trial: Shapes, slopes: Float64) -> Float64:
+    """Slopes (n, 3) by the rotation vector w from the start, from those by a further small turn.
 
-    R(w) = R0 exp(w): for turns up to `MAX_TURN` the right Jacobian of SO(3) is I - [w]/2 + [w]^2/6 within 1e-3.
+    R(w) = R0 exp(w): the transpose of the right Jacobian of SO(3), I + [w]/2 + [w]^2/6 within 1e-3 for turns
+    up to `MAX_TURN` (Sola et al. 2018, eq. 143).
     """
     relative = np.einsum("nij,nik->njk", shapes.frames, trial.frames)
-    vector = np.stack(
-        [
-            relative[:, 2, 1] - relative[:, 1, 2],
-            relative[:, 0, 2] - relative[:, 2, 0],
-            relative[:, 1, 0] - relative[:, 0, 1],
-        ],
-        axis=1,
+    vector = (
+        np.stack([relative[:, b, c] - relative[:, c, b] for b, c in ((2, 1), (0, 2), (1, 0))], axis=1) / 2
     )
-    sine = np.linalg.norm(vector, axis=1) / 2
-    vector *= (np.where(sine > 1e-9, np.arcsin(np.minimum(sine, 1.0)) / np.maximum(sine, 1e-9), 1.0) / 2)[
-        :, None
-    ]
-    w, turn = vector[index], derivatives[:, 3:6]
-    once = np.cross(w, turn)  # the transpose of -[w] acting on the gradient
-    result = derivatives.copy()
-    result[:, 3:6] = turn + once / 2 + np.cross(w, once) / 6
-    return result
+    sine = np.minimum(np.linalg.norm(vector, axis=1), 1.0)
+    vector *= np.where(sine > 1e-9, np.arcsin(sine) / np.maximum(sine, 1e-9), 1.0)[:, None]
+    once = np.cross(vector, slopes)
+    return slopes + once / 2 + np.cross(vector, once) / 6
 
 
 def _scales(shapes: Shapes, max_step: float) -> Float64:

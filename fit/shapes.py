@@ -75,77 +75,86 @@ def join(several: Sequence[Shapes]) -> Shapes:
 
 def pair_distances(shapes: Shapes, points: Float64, index: Index) -> Float64:
     """Exact signed distance (p,) from point i (p, 3) to shape `index[i]`."""
-    local = _local(shapes, points, index)
-    excess = _excess(shapes.kinds[index], local, shapes.halves[index])
-    outside = np.sqrt(np.sum(np.maximum(excess, 0.0) ** 2, axis=1))
-    return outside + np.minimum(excess.max(axis=1), 0.0)
+    return _signed(_excess(shapes.kinds[index], _local(shapes, points, index), shapes.halves[index].T))
 
 
 def distances_to_one(shapes: Shapes, which: int, points: Float64) -> Float64:
     """Exact signed distance (p,) from all points to one shape."""
-    local = (points - shapes.centers[which]) @ shapes.frames[which]
-    kinds = np.broadcast_to(shapes.kinds[which], len(points))
-    excess = _excess(kinds, local, np.broadcast_to(shapes.halves[which], local.shape))
-    outside = np.sqrt(np.sum(np.maximum(excess, 0.0) ** 2, axis=1))
-    return outside + np.minimum(excess.max(axis=1), 0.0)
+    local = shapes.frames[which].T @ (points - shapes.centers[which]).T
+    return _signed(_excess(shapes.kinds[which : which + 1], local, shapes.halves[which][:, None]))
 
 
-def pair_derivatives(shapes: Shapes, points: Float64, index: Index) -> tuple[Float64, Float64]:
-    """Signed distance (p,) and its derivative (p, 9) by the parameters of the pair's shape.
+def pair_derivatives(shapes: Shapes, points: Float64, index: Index) -> Float64:
+    """Derivative (9, p) of the signed distance of each pair by the parameters of its shape.
 
     With l = R^T (x - c) and g = dd/dl: dd/dc = -R g; a small rotation w in the local frame moves l by
     -w x l, so dd/dw = g x l; a half extent acts against the excess that carries the distance.
     """
-    kinds, frames = shapes.kinds[index], shapes.frames[index]
+    kinds = shapes.kinds[index]
     local = _local(shapes, points, index)
-    excess = _excess(kinds, local, shapes.halves[index])
+    excess = _excess(kinds, local, shapes.halves[index].T)
     positive = np.maximum(excess, 0.0)
-    outside = np.sqrt(np.sum(positive**2, axis=1))
-    deepest = np.zeros_like(excess)
-    deepest[np.arange(len(excess)), excess.argmax(axis=1)] = 1.0
+    outside = np.sqrt(_sum(positive * positive))
+    deepest = (np.arange(3)[:, None] == excess.argmax(axis=0)).astype(np.float64)
     is_outside = outside > 0
-    slope = np.where(is_outside[:, None], positive / np.where(is_outside, outside, 1.0)[:, None], deepest)
+    slope = np.where(is_outside, positive / np.where(is_outside, outside, 1.0), deepest)
     gradient = _local_gradient(kinds, local, slope)
-    derivative = np.empty((len(points), PARAMETERS))
-    derivative[:, 0:3] = -np.einsum("pij,pj->pi", frames, gradient)
-    derivative[:, 3:6] = np.cross(gradient, local)
-    derivative[:, 6:9] = -slope
-    return outside + np.minimum(excess.max(axis=1), 0.0), derivative
+    derivative = np.empty((PARAMETERS, len(points)))
+    derivative[0:3] = -np.einsum("pij,jp->ip", shapes.frames[index], gradient)
+    for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        derivative[3 + a] = gradient[b] * local[c] - gradient[c] * local[b]
+    derivative[6:9] = -slope
+    return derivative
 
 
 def _local(shapes: Shapes, points: Float64, index: Index) -> Float64:
-    return np.einsum("pij,pi->pj", shapes.frames[index], points - shapes.centers[index])
+    """Points in the frames of their shapes, (3, p): rows of coordinates are what NumPy is fast on."""
+    offset = points - shapes.centers[index]
+    return np.einsum("pij,pi->jp", shapes.frames[index], offset)
+
+
+def _signed(excess: Float64) -> Float64:
+    positive = np.maximum(excess, 0.0)
+    inside = np.minimum(np.maximum(np.maximum(excess[0], excess[1]), excess[2]), 0.0)
+    return np.sqrt(_sum(positive * positive)) + inside
+
+
+def _sum(rows: Float64) -> Float64:
+    return rows[0] + rows[1] + rows[2]
 
 
 _NEVER = -1e300
 
 
 def _excess(kinds: NDArray[np.uint8], local: Float64, halves: Float64) -> Float64:
-    """How far a point is beyond each face direction, in the slot of the half extent that it is held against.
+    """How far points are beyond each face (3, p), in the row of the half extent that they are held against.
 
-    A box has three, a cylinder radius and height in slots 0 and 1, a sphere its radius in slot 0.
+    A box has three, a cylinder radius and height in rows 0 and 1, a sphere its radius in row 0. One kind may
+    stand for all points.
     """
     excess = np.abs(local) - halves
+    kinds, halves = np.broadcast_to(kinds, local.shape[1:]), np.broadcast_to(halves, local.shape)
     cylinder, sphere = kinds == Kind.CYLINDER, kinds == Kind.SPHERE
     if cylinder.any():
-        excess[cylinder, 0] = np.hypot(local[cylinder, 0], local[cylinder, 2]) - halves[cylinder, 0]
-        excess[cylinder, 2] = _NEVER
+        excess[0, cylinder] = np.hypot(local[0, cylinder], local[2, cylinder]) - halves[0, cylinder]
+        excess[2, cylinder] = _NEVER
     if sphere.any():
-        excess[sphere, 0] = np.linalg.norm(local[sphere], axis=1) - halves[sphere, 0]
-        excess[sphere, 1:] = _NEVER
+        excess[0, sphere] = np.sqrt(_sum(local[:, sphere] ** 2)) - halves[0, sphere]
+        excess[1:, sphere] = _NEVER
     return excess
 
 
 def _local_gradient(kinds: NDArray[np.uint8], local: Float64, slope: Float64) -> Float64:
-    gradient = slope * np.where(local < 0, -1.0, 1.0)
+    gradient = np.copysign(slope, local)
     cylinder, sphere = kinds == Kind.CYLINDER, kinds == Kind.SPHERE
     if cylinder.any():
-        side = local[cylinder][:, [0, 2]]
-        radius = np.maximum(np.linalg.norm(side, axis=1), 1e-300)
-        gradient[np.ix_(cylinder, [0, 2])] = slope[cylinder, :1] * side / radius[:, None]
+        x, z = local[0, cylinder], local[2, cylinder]
+        radius = np.maximum(np.hypot(x, z), 1e-300)
+        gradient[0, cylinder] = slope[0, cylinder] * x / radius
+        gradient[2, cylinder] = slope[0, cylinder] * z / radius
     if sphere.any():
-        radius = np.maximum(np.linalg.norm(local[sphere], axis=1), 1e-300)
-        gradient[sphere] = local[sphere] / radius[:, None]
+        inner = local[:, sphere]
+        gradient[:, sphere] = inner / np.maximum(np.sqrt(_sum(inner * inner)), 1e-300)
     return gradient
 
 

@@ -85,7 +85,7 @@ PRESETS = {"coarse": (48, 0.005), "fine": (192, 0.0005)}
 
 MOST_BY_DEFAULT, MOST_FOR_ERROR = 128, 512
 SKIP_BY_DEFAULT = 0.001
-GAIN_BY_DEFAULT, GAIN_WITH_BUDGET = 2e-4, 3e-5
+GAIN_BY_DEFAULT, GAIN_WITH_BUDGET = 2e-4, 1e-5
 
 COARSE, FINE = FitSettings(preset="coarse"), FitSettings(preset="fine")
 
