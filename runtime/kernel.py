@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import wgpu
 
-from runtime import formats, wgsl
+from runtime import wgsl
+from runtime.binding import Resource, layout_entry, mismatch
 from runtime.device import Gpu
-from runtime.resources import Buffer, Sampler, Texture, TextureView
+from runtime.resources import Buffer
 from runtime.wgsl import Binding, WgslError
 
-Resource = Buffer | Texture | TextureView | Sampler
+__all__ = ["MAX_WORKGROUPS", "Kernel", "RasterKernel", "Resource", "compile_module", "vertex_layouts"]
+
 Constants = Mapping[str, float]
 
 MAX_WORKGROUPS = 65535  # on each axis, by WebGPU
@@ -41,7 +43,7 @@ class _Program:
         count = max((binding.group for binding in self.shader.bindings), default=-1) + 1
         for group in range(count):
             bindings = tuple(binding for binding in self.shader.bindings if binding.group == group)
-            entries = [_layout_entry(binding, stages) for binding in bindings]
+            entries = [layout_entry(binding, stages) for binding in bindings]
             self._groups.append((gpu.bind_groups.layout(entries), bindings))
         self.layout = gpu.wgpu_device.create_pipeline_layout(
             bind_group_layouts=[layout for layout, _ in self._groups], label=name
@@ -53,32 +55,32 @@ class _Program:
         return {"module": self.module, "entry_point": entry, "constants": self.constants}
 
     def _bind(
-        self,
-        render_or_compute_pass: Any,
-        shared: Sequence[Mapping[str, Resource]],
-        own: Mapping[str, Resource],
+        self, encoder: Any, shared: Sequence[Mapping[str, Resource]], own: Mapping[str, Resource]
     ) -> None:
+        """Sets the pass's bind groups. Raises TypeError for what is missing, unknown or unfit."""
+        given = self._collect(shared, own)
+        for index, (layout, bindings) in enumerate(self._groups):
+            resources = tuple(given[binding.name] for binding in bindings)
+            for binding, resource in zip(bindings, resources, strict=True):
+                fault = mismatch(binding, resource, self.gpu.features)
+                if fault:
+                    raise TypeError(f"{self.name}: {binding.name} is a {binding.type}, {fault}")
+            encoder.set_bind_group(index, self.gpu.bind_groups.group(layout, self._slots[index], resources))
+
+    def _collect(
+        self, shared: Sequence[Mapping[str, Resource]], own: Mapping[str, Resource]
+    ) -> dict[str, Resource]:
+        names = f"it binds {', '.join(self.binding_names) or 'nothing'}"
         unknown = [name for name in own if name not in self.binding_names]
         if unknown:
-            raise TypeError(
-                f"{self.name} binds no {', '.join(unknown)}; it binds {', '.join(self.binding_names)}"
-            )
+            raise TypeError(f"{self.name} binds no {', '.join(unknown)}; {names}")
         given: dict[str, Resource] = {}
         for mapping in (*shared, own):
             given.update(mapping)
         missing = [name for name in self.binding_names if name not in given]
         if missing:
-            raise TypeError(
-                f"{self.name} needs {', '.join(missing)}; it binds {', '.join(self.binding_names)}"
-            )
-        for index, (layout, bindings) in enumerate(self._groups):
-            resources = tuple(given[binding.name] for binding in bindings)
-            for binding, resource in zip(bindings, resources, strict=True):
-                fault = _mismatch(binding, resource, self.gpu.features)
-                if fault:
-                    raise TypeError(f"{self.name}: {binding.name} is a {binding.type}, {fault}")
-            group = self.gpu.bind_groups.group(layout, self._slots[index], resources)
-            render_or_compute_pass.set_bind_group(index, group)
+            raise TypeError(f"{self.name} needs {', '.join(missing)}; {names}")
+        return given
 
 
 class Kernel(_Program):
@@ -265,82 +267,3 @@ def _check_constants(shader: wgsl.Shader, constants: Constants) -> dict[str, flo
     if needed:
         raise ValueError(f"{shader.name} needs a value for the override {', '.join(needed)}")
     return {name: float(value) for name, value in constants.items()}
-
-
-def _layout_entry(binding: Binding, stages: tuple[str, ...]) -> dict[str, Any]:
-    writes = binding.access in ("write", "read_write")
-    # Vertex shaders that write need a feature of their own; ours only read.
-    visible = ("fragment",) if writes and "fragment" in stages else stages
-    visibility = 0
-    for stage in visible:
-        visibility |= getattr(wgpu.ShaderStage, stage.upper())
-    entry: dict[str, Any] = {"binding": binding.index, "visibility": visibility}
-    match binding.kind:
-        case "uniform":
-            entry["buffer"] = {"type": "uniform"}
-        case "storage":
-            entry["buffer"] = {"type": "storage" if writes else "read-only-storage"}
-        case "sampler":
-            entry["sampler"] = {"type": "comparison" if binding.comparison else "filtering"}
-        case "storage_texture":
-            access = {"read": "read-only", "write": "write-only", "read_write": "read-write"}[
-                binding.access or ""
-            ]
-            entry["storage_texture"] = {
-                "access": access,
-                "format": binding.format,
-                "view_dimension": binding.dimension,
-            }
-        case "texture":
-            entry["texture"] = {
-                "sample_type": binding.sample_type,
-                "view_dimension": binding.dimension,
-                "multisampled": binding.multisampled,
-            }
-    return entry
-
-
-def _mismatch(binding: Binding, resource: Any, features: frozenset[str]) -> str | None:
-    """Why the resource does not fit the declaration, or None."""
-    expected = {"uniform": Buffer, "storage": Buffer, "sampler": Sampler}.get(
-        binding.kind, Texture | TextureView
-    )
-    if not isinstance(resource, expected):
-        return f"not a {type(resource).__name__}"
-    if isinstance(resource, Buffer):
-        needed = wgpu.BufferUsage.UNIFORM if binding.kind == "uniform" else wgpu.BufferUsage.STORAGE
-        return (
-            None
-            if resource.usage & needed
-            else f"but the buffer {resource.label!r} lacks usage {binding.kind!r}"
-        )
-    if isinstance(resource, Sampler):
-        return None if resource.is_comparison == binding.comparison else "so mind the sampler's `compare`"
-    assert isinstance(resource, Texture | TextureView)
-    return _texture_mismatch(binding, resource, features)
-
-
-def _texture_mismatch(
-    binding: Binding, texture: Texture | TextureView, features: frozenset[str]
-) -> str | None:
-    what = f"texture {texture.label!r}"
-    if texture.dimension != binding.dimension:
-        return f"not {texture.dimension} like {what}"
-    if binding.kind == "storage_texture":
-        if not texture.usage & wgpu.TextureUsage.STORAGE_BINDING:
-            return f"but {what} lacks usage 'storage'"
-        return None if texture.format == binding.format else f"not {texture.format} like {what}"
-    if not texture.usage & wgpu.TextureUsage.TEXTURE_BINDING:
-        return f"but {what} lacks usage 'sample'"
-    have = formats.lookup(texture.format).sample_type
-    if have == "unfilterable-float" and "float32-filterable" in features:
-        have = "float"
-    fits = have == binding.sample_type or (binding.sample_type, have) in (
-        ("unfilterable-float", "float"),
-        ("unfilterable-float", "depth"),
-    )
-    if fits:
-        return None
-    if have == "unfilterable-float":
-        return f"which is sampled, and this device cannot filter {texture.format} of {what}: use textureLoad"
-    return f"not {texture.format} like {what}"

@@ -40,10 +40,10 @@ def _flags(table: dict[str, Any], usage: str, what: str) -> Any:
     return flags
 
 
-def _as_bytes(data: Any) -> bytes | np.ndarray:
+def _as_bytes(data: Any) -> np.ndarray:
     if isinstance(data, bytes | bytearray | memoryview):
         return np.frombuffer(data, np.uint8)
-    return np.frombuffer(np.ascontiguousarray(data).tobytes(), np.uint8)
+    return np.ascontiguousarray(data).reshape(-1).view(np.uint8)
 
 
 class Buffer:
@@ -82,7 +82,7 @@ class Buffer:
 
     def write(self, data: Any, offset: int = 0) -> None:
         """Replaces the bytes from `offset` on (a multiple of 4). Raises ValueError past the end."""
-        contents = np.asarray(_as_bytes(data))
+        contents = _as_bytes(data)
         if offset % 4 or offset < 0 or offset + len(contents) > self.size:
             raise ValueError(
                 f"buffer {self.label!r}: {len(contents)} bytes at {offset} do not fit into {self.size}"

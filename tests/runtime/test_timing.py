@@ -33,15 +33,21 @@ def timer(gpu):
 def test_longer_work_takes_longer(gpu, shaders, timer):
     root = shaders({"spin": SPIN})
     out = Buffer(gpu, np.zeros(4096, np.float32))
-    recorder = Recorder(gpu, timer)
-    for label, turns in (("warm", 1), ("short", 10), ("long", 20_000)):
-        kernel = Kernel(gpu, "spin", constants={"TURNS": turns}, root=root)
-        with recorder.compute(label) as compute_pass:
-            kernel.dispatch(compute_pass, kernel.groups_for(4096), out=out)
-    recorder.submit()
-    results = timer.results()
-    assert list(results) == ["warm", "short", "long"]
-    assert 0 < results["short"] < results["long"] < 60_000
+    kernels = {
+        label: Kernel(gpu, "spin", constants={"TURNS": turns}, root=root)
+        for label, turns in (("short", 10), ("long", 20_000))
+    }
+    runs = []
+    for _ in range(4):  # a software driver compiles in the first one
+        recorder = Recorder(gpu, timer)
+        for label, kernel in kernels.items():
+            with recorder.compute(label) as compute_pass:
+                kernel.dispatch(compute_pass, kernel.groups_for(4096), out=out)
+        recorder.submit()
+        runs.append(timer.results())
+    assert list(runs[0]) == ["short", "long"]
+    short, long = (min(run[label] for run in runs[1:]) for label in ("short", "long"))
+    assert 0 < short < long < 60_000
 
 
 def test_passes_of_one_label_are_added_up(gpu, timer):
@@ -57,9 +63,7 @@ def test_passes_of_one_label_are_added_up(gpu, timer):
 
     clear(2)
     assert list(clear(1)) == ["clear"]
-    assert np.median([clear(12)["clear"] for _ in range(5)]) > np.median(
-        [clear(1)["clear"] for _ in range(5)]
-    )
+    assert min(clear(12)["clear"] for _ in range(5)) > min(clear(1)["clear"] for _ in range(5))
     assert timer.results() == {}
 
 
