@@ -151,7 +151,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Scene:
-    """A whole file. `repairs` counts what was mended, `ignored` names what was left out: nothing is silent."""
+    """A whole file. `repairs` counts what was mended, `ignored` names what was left out."""
 
     source: Path
     meshes: tuple[Mesh, ...] = ()

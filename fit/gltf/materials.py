@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -204,7 +205,7 @@ class Materials:
             name = definition.string("name", f"image {index}")
             return EncodedImage(definition, name, self.resources.buffer_view(view))
         uri = definition.string("uri")
-        name = f"image {index}" if uri[:5].lower() == "data:" else uri.rsplit("/", 1)[-1]
+        name = f"image {index}" if uri[:5].lower() == "data:" else unquote(uri).rsplit("/", 1)[-1]
         return EncodedImage(definition, definition.string("name", name), self.resources.read_uri(definition))
 
 
