@@ -107,7 +107,7 @@ class Graph:
         return np.concatenate(arrays).astype(np.float64)
 
     def triangles(self, node: int) -> list[Triangles]:
-        """The triangles of the node's mesh, one entry for each glTF primitive that has any."""
+        """The triangles of the node's mesh, counter-clockwise from outside, by glTF primitive."""
         found = []
         for part in self.container.document["meshes"][self.nodes[node]["mesh"]]["primitives"]:
             if part.get("mode", 4) != 4:
@@ -120,6 +120,8 @@ class Graph:
                 else np.arange(len(points))
             )
             corners = points[order[: len(order) // 3 * 3]].reshape(-1, 3, 3)
+            if np.linalg.det(self.world[node][:3, :3]) < 0:
+                corners = corners[:, ::-1]
             found.append(Triangles(corners, part.get("material")))
         return found
 

@@ -21,6 +21,7 @@ SAME_ALBEDO, SAME_EMISSION = 1e-4, 1e-3
 
 def face_colors(
     graph: Graph,
+    node: int,
     meshes: Sequence[int],
     position: Float64,
     turn: Float64,
@@ -28,7 +29,7 @@ def face_colors(
     facts: Facts,
     notes: list[str],
 ) -> tuple[Float32, Float32]:
-    """Albedo and emission (1, 6, 3) of a primitive at `position`, `turn` (xyzw), shown by the nodes `meshes`.
+    """Albedo and emission (1, 6, 3) of the primitive `node` at `position`, `turn` (xyzw), shown by `meshes`.
 
     A triangle belongs to the face that its normal points to, however tools have split or joined the mesh; a
     face takes the area-weighted mean of its materials. Extras give the exact colour where the material is
@@ -38,8 +39,7 @@ def face_colors(
         graph, meshes, position, rotation.matrices_from_quaternions(turn), notes
     )
     if not areas.any() and facts.albedo is None:
-        notes.append(f"{graph.place(meshes[0])}: no material" if meshes else "a collider without material")
-        notes[-1] += f"; albedo taken as {DEFAULT_ALBEDO}"
+        notes.append(f"{graph.place(node)}: no material; albedo taken as {DEFAULT_ALBEDO}")
     sides = []
     for colors, exact, default in (
         (albedo, facts.albedo, DEFAULT_ALBEDO),

@@ -134,7 +134,9 @@ def _read_primitive(graph: Graph, found: Found, notes: list[str]) -> PrimitiveSe
         return None
     kind = Kind.PLANE if solid.kind == HALF_SPACE else Kind[solid.kind.upper()]
     painted = _meshes_of(graph, found.node) if found.shown is None else [found.shown]
-    albedo, emission = face_colors(graph, painted, solid.position, solid.rotation, kind, facts, notes)
+    albedo, emission = face_colors(
+        graph, found.node, painted, solid.position, solid.rotation, kind, facts, notes
+    )
     name = _name(graph, found, facts)
     return PrimitiveSet(
         kinds=np.array([kind], np.uint8),
@@ -223,7 +225,7 @@ def _shown_solid(graph: Graph, node: int, owner: int | None) -> Solid:
 
 
 def _same_place(collider: Solid, shown: Solid) -> bool:
-    """Whether a unit mesh is where its collider is, up to the float32 of other tools."""
+    """Whether a unit mesh is where its collider is, up to other tools' float32; not if a thickness is NaN."""
     if collider.kind != shown.kind:
         return False
     turns = [rotation.matrices_from_quaternions(s.rotation) for s in (collider, shown)]
@@ -231,12 +233,10 @@ def _same_place(collider: Solid, shown: Solid) -> bool:
     far = 1e-6 * np.abs(collider.position).max()
     if collider.kind == HALF_SPACE:
         return bool(np.abs(turns[0] - turns[1])[:, 1].max() <= SAME_PLACE and offset <= SAME_PLACE + far)
-    if np.isnan(collider.size[1]):
-        collider = replace(collider, size=np.array([collider.size[0], shown.size[1], collider.size[2]]))
     apart = np.linalg.norm(turns[0] * collider.size - turns[1] * shown.size, axis=0)
     return bool(
         np.all(apart <= SAME_PLACE * collider.size) and offset <= SAME_PLACE * collider.size.min() + far
-    ) and not np.isnan(collider.size[1])
+    )
 
 
 def _evened(graph: Graph, found: Found, solid: Solid, notes: list[str]) -> Solid | None:
@@ -272,7 +272,7 @@ def _meshes_of(graph: Graph, owner: int) -> list[int]:
 def _name(graph: Graph, found: Found, facts: Facts) -> str:
     """The extras' name while the node's still begins with it, else the node's, unless we made that up."""
     label = str(graph.nodes[found.node].get("name", ""))
-    if facts.name and label.startswith(facts.name):
+    if facts.name and (not label or label.startswith(facts.name)):
         return facts.name
     if found.owner is None:
         label = label.partition(" mesh")[0]
