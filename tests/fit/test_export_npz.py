@@ -169,15 +169,12 @@ def test_broken_archives_are_named_errors(tmp_path, content, message):
     assert str(error.value).startswith(str(path))
 
 
-def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path):
+def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("fit.export.npz.LARGEST_ARRAY", 1 << 20)
     path = tmp_path / "bomb.npz"
-    with (
-        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as bomb,
-        bomb.open("kinds.npy", "w", force_zip64=True) as f,
-    ):
-        for _ in range(1025):
-            f.write(b"\0" * (1 << 20))
-    assert path.stat().st_size < 2e6
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as bomb:
+        bomb.writestr("kinds.npy", b"\0" * (2 << 20))
+    assert path.stat().st_size < 10_000
     with pytest.raises(export.FormatError, match=r"kinds\.npy: claims"):
         export.read(path)
 
