@@ -8,7 +8,7 @@ from __future__ import annotations
 from runtime.camera import Frame
 from runtime.lights import Light, Lighting
 from runtime.meshes import Instance, SurfaceMaterial
-from runtime.probes import ProbeGridInfo
+from runtime.probes import ProbeGridInfo, ProbeRecord
 from runtime.sdfddgi import PlaceSettings, ProbeHistory, UpdateSettings
 from runtime.sky import SkyModel
 from runtime.structs import GpuStruct
@@ -30,6 +30,7 @@ STRUCTS: tuple[type[GpuStruct], ...] = (
     TracedRay,
     RayHit,
     ProbeGridInfo,
+    ProbeRecord,
     PlaceSettings,
     UpdateSettings,
     ProbeHistory,

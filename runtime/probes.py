@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from runtime.device import Gpu
 from runtime.resources import Buffer, Sampler, Texture
-from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u
+from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u, vec4f
 from runtime.twins.octahedral import OCT_SIZE, OCT_TILE
 
 Float64 = NDArray[np.float64]
@@ -29,6 +29,13 @@ class ProbeGridInfo(GpuStruct):
     counts: vec3u
     columns: u32
     softness: f32
+
+
+class ProbeRecord(GpuStruct):
+    position: vec4f
+    red: vec4f
+    green: vec4f
+    blue: vec4f
 
 
 @dataclass(frozen=True)
@@ -90,10 +97,11 @@ def _triple(values: NDArray[np.int64]) -> tuple[int, int, int]:
 class IrradianceProbes:
     """Octahedral irradiance maps of a grid of probes, ready for lookups.
 
-    records: for each probe its local position and the scale of its map (below 0: off). atlas: the maps as tiles with
-    borders; texel * scale is E in W/m2, so half floats serve any brightness. exact: the same maps, OCT_SIZE^2 texels a
-    probe, in float32 and without borders: the history that updates blend into, where half floats would stop short of
-    the mean.
+    records: for each probe its local position, the scale of its map (below 0: off) and the linear part of its
+    irradiance, a channel each: constant and slope, E = constant + slope . normal. atlas: the rest as tiles with
+    borders; texel * scale is W/m2, so half floats serve any brightness. exact: all of the irradiance, OCT_SIZE^2
+    texels a probe, in float32 and without borders: the history that updates blend into, where half floats would
+    stop short of the mean.
     """
 
     def __init__(self, gpu: Gpu, grid: ProbeGrid, origin: Float64, softness: float) -> None:
@@ -108,7 +116,7 @@ class IrradianceProbes:
                 softness=softness,
             )
         )
-        self.records = Buffer(gpu, 16 * len(grid), label="probe records")
+        self.records = Buffer(gpu, ProbeRecord.dtype.itemsize * len(grid), label="probe records")
         self.exact = Buffer(gpu, 16 * len(grid) * OCT_SIZE**2, label="probe irradiance")
         self.atlas = Texture(gpu, grid.atlas_size, "rgba16float", "sample|storage", label="probe atlas")
         self.sampler = Sampler(gpu, "linear", label="probe atlas")
@@ -123,15 +131,15 @@ class IrradianceProbes:
 
     def clear(self) -> None:
         """Switches every probe off and blackens its map."""
-        blank = np.zeros((len(self.grid), 4), np.float32)
-        blank[:, 3] = OFF
+        blank = np.zeros(len(self.grid), ProbeRecord.dtype)
+        blank["position"][:, 3] = OFF
         self.records.write(blank)
         self.exact.write(np.zeros((len(self.grid), OCT_SIZE**2, 4), np.float32))
 
     def read_records(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Local positions (n, 3) of the probes and which are on (n,); waits for the GPU."""
-        records = self.records.read(np.float32, (len(self.grid), 4))
-        return records[:, :3], records[:, 3] >= 0
+        position = self.records.read(ProbeRecord.dtype, (len(self.grid),))["position"]
+        return position[:, :3], position[:, 3] >= 0
 
     @property
     def memory(self) -> int:

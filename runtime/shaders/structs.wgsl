@@ -106,6 +106,13 @@ struct ProbeGridInfo {  // 48 bytes
     softness: f32,  // 32
 }
 
+struct ProbeRecord {  // 64 bytes
+    position: vec4f,  // 0
+    red: vec4f,       // 16
+    green: vec4f,     // 32
+    blue: vec4f,      // 48
+}
+
 struct PlaceSettings {  // 48 bytes
     lower: vec3f,             // 0
     spacing: f32,             // 12

@@ -78,7 +78,9 @@ def _slab(o: Float64, d: Float64, low: float, high: float) -> tuple[Float64, Flo
     inside = (o >= low) & (o <= high)
     a = np.where(parallel, np.where(inside, -np.inf, np.inf), a)
     b = np.where(parallel, np.where(inside, np.inf, -np.inf), b)
-    return np.minimum(a, b), np.maximum(a, b) if not parallel.any() else np.where(parallel, b, np.maximum(a, b))
+    return np.minimum(a, b), np.maximum(a, b) if not parallel.any() else np.where(
+        parallel, b, np.maximum(a, b)
+    )
 
 
 def _round(o: Float64, d: Float64, radius: float) -> tuple[Float64, Float64]:

@@ -4,10 +4,10 @@
 
 import package::lib::march::{trace_soft_visibility, trace_start};
 import package::lib::octahedral::{oct_tile_corner, oct_tile_position};
-import package::structs::{ProbeGridInfo};
+import package::structs::{ProbeGridInfo, ProbeRecord};
 
 @group(2) @binding(0) var<uniform> probe_grid: ProbeGridInfo;
-@group(2) @binding(1) var<storage, read> probe_records: array<vec4f>;
+@group(2) @binding(1) var<storage, read> probe_records: array<ProbeRecord>;
 @group(2) @binding(2) var probe_atlas: texture_2d<f32>;
 @group(2) @binding(3) var probe_sampler: sampler;
 
@@ -43,20 +43,23 @@ fn probe_index(place: vec3u) -> u32 {
     return place.x + probe_grid.counts.x * (place.y + probe_grid.counts.y * place.z);
 }
 
-// What a probe stores for a normal.
+// What a probe stores for a normal: the linear part of its irradiance, and the rest from its map.
 fn probe_irradiance(index: u32, normal: vec3f) -> vec3f {
+    let record = probe_records[index];
     let texel = oct_tile_position(oct_tile_corner(index, probe_grid.columns), normal);
     let uv = texel / vec2f(textureDimensions(probe_atlas));
-    return textureSampleLevel(probe_atlas, probe_sampler, uv, 0.0).rgb * probe_records[index].w;
+    let rest = textureSampleLevel(probe_atlas, probe_sampler, uv, 0.0).rgb * record.position.w;
+    let h = vec4f(1.0, normal);
+    return max(vec3f(dot(record.red, h), dot(record.green, h), dot(record.blue, h)) + rest, vec3f(0.0));
 }
 
 // Share of a probe that a point sees; 0 when the probe is off.
 fn probe_visibility(index: u32, start: vec3f) -> f32 {
-    let record = probe_records[index];
-    if record.w < 0.0 {
+    let position = probe_records[index].position;
+    if position.w < 0.0 {
         return 0.0;
     }
-    let way = record.xyz - start;
+    let way = position.xyz - start;
     let reach = length(way);
     return trace_soft_visibility(start, way / max(reach, 1e-20), reach, probe_grid.softness);
 }
@@ -75,7 +78,7 @@ fn probe_ring_irradiance(cell: ProbeCell, start: vec3f, normal: vec3f) -> vec4f 
         let index = probe_index(vec3u(place));
         let seen = probe_visibility(index, start);
         if seen > 0.0 {
-            let way = (probe_records[index].xyz - start) / probe_grid.spacing;
+            let way = (probe_records[index].position.xyz - start) / probe_grid.spacing;
             let weight = seen / max(dot(way, way), 1e-3);
             total += weight * vec4f(probe_irradiance(index, normal), 1.0);
         }

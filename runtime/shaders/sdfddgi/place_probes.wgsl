@@ -4,11 +4,11 @@
 
 import package::lib::candidates::{nearest_primitive};
 import package::lib::primitives::{shape_gradient};
-import package::structs::{ProbeHistory, PlaceSettings};
+import package::structs::{PlaceSettings, ProbeHistory, ProbeRecord};
 import package::world::bindings::{world, world_shape};
 
 @group(0) @binding(0) var<uniform> settings: PlaceSettings;
-@group(0) @binding(1) var<storage, read_write> records: array<vec4f>;
+@group(0) @binding(1) var<storage, read_write> records: array<ProbeRecord>;
 @group(0) @binding(2) var<storage, read_write> histories: array<ProbeHistory>;
 
 const PLACE_STEPS: u32 = 12u;
@@ -40,9 +40,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let node = vec3u(id.x % counts.x, (id.x / counts.x) % counts.y, id.x / (counts.x * counts.y));
     let place = place_probe(settings.lower + vec3f(node) * settings.spacing);
-    let before = records[id.x];
+    let before = records[id.x].position;
     if place.w < min(settings.clearance, settings.smallest_clearance) {
-        records[id.x] = vec4f(place.xyz, OFF);
+        records[id.x].position = vec4f(place.xyz, OFF);
         histories[id.x].frames = 0.0;
         return;
     }
@@ -50,5 +50,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if has_jumped {
         histories[id.x].frames = 0.0;
     }
-    records[id.x] = vec4f(place.xyz, max(before.w, 0.0));
+    records[id.x].position = vec4f(place.xyz, max(before.w, 0.0));
 }

@@ -24,7 +24,7 @@ const DARKNESS: f32 = 1e-9;
 
 // Drift of the light is looked for in the mean of about so many frames, against a spread over so many.
 const DRIFT_BLEND: f32 = 1.0 / 16.0;
-const SPREAD_BLEND: f32 = 1.0 / 128.0;
+const SPREAD_BLEND: f32 = 1.0 / 48.0;
 
 // Squared ratio of drift to spread above which the light is taken to change (noise alone: about 0.03), and is sure to.
 const DRIFT_LEAST: f32 = 0.4;
@@ -86,8 +86,8 @@ fn main(
     if probe >= settings.probe_count {
         return;
     }
-    let record = probe_records[probe];
-    if record.w < 0.0 {
+    let position = probe_records[probe].position;
+    if position.w < 0.0 {
         return;
     }
     let history = histories[probe];
@@ -103,7 +103,7 @@ fn main(
         let direction = quat_rotate(rotation, spherical_fibonacci(ray, rays));
         let u = random_uniform(random_hash(vec3u(probe, settings.frame, settings.seed ^ (ray + 1u) * 2654435761u))).x;
         ray_direction[thread] = direction;
-        ray_radiance[thread] = incoming_radiance(record.xyz, direction, 4.0 * PI / f32(rays), u);
+        ray_radiance[thread] = incoming_radiance(position.xyz, direction, 4.0 * PI / f32(rays), u);
         workgroupBarrier();
         for (var i = 0u; i < THREADS; i++) {
             let cosine = max(dot(normal, ray_direction[i]), 0.0);
