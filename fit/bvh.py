@@ -177,7 +177,8 @@ def _rays_meet_boxes(origins: Float64, inverse: Float64, boxes: Float64) -> NDAr
     near, far = np.zeros(boxes.shape[:2]), np.full(boxes.shape[:2], np.inf)
     for axis in range(3):
         start, step = origins[:, None, axis], inverse[:, None, axis]
-        a, b = (boxes[..., axis] - start) * step, (boxes[..., axis + 3] - start) * step
+        with np.errstate(over="ignore"):
+            a, b = (boxes[..., axis] - start) * step, (boxes[..., axis + 3] - start) * step
         np.maximum(near, np.minimum(a, b), out=near)
         np.minimum(far, np.maximum(a, b), out=far)
     # Flat boxes meet in one number: the rounding of two products must not lose them.

@@ -41,8 +41,8 @@ class Metrics:
     percentile, largest; covered_25cm, covered_half_pct: share of it within 25 cm, within 0.5 % of the
     diagonal. set_to_surface_mean_m: distance of the union's boundary, where air touches it, to the surface.
     false_solid: share of the free air, 1.4 cells off the surface, that the set fills. air_distance_error:
-    mean difference of the set's distance there and the surface's. leaks: share of the first hits of random rays
-    that the set lets pass by over 1 % of the diagonal; blocked: share of rays that it stops as much too
+    mean difference of the set's distance there and the surface's. leaks: share of the first hits of random
+    rays that the set lets pass by over 1 % of the diagonal; blocked: share of rays that it stops as much too
     early; hit_error_pct: mean difference of the hits. iou, volume_error: exact; None where the mesh is open.
     """
 

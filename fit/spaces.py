@@ -29,9 +29,6 @@ OUTSIDE = 1
 
 _BLOCK = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 """A cell and its 26 neighbours."""
-
-_CORNERS = np.stack(np.meshgrid(*[[0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-
 _TOUCH_SLOPE = 0.35
 """Cosine, from the normal, of the most slanting sight line along which a space touches a surface."""
 
@@ -117,18 +114,17 @@ class Air:
     def labels_seen(self, points: Float64, normals: Float64) -> Int32:
         """Number of the space that touches points of the surface on the side of the normals (p, 3); 0: none.
 
-        It touches where the centre of one of its cells, among the eight around the point one cell out, is
-        seen from the surface: no other surface in between, and not along the surface.
+        It touches where the centre of one of its cells, around the point one cell out, is seen from the
+        surface: no other surface in between, and not along the surface.
         """
         start = points + normals * (1e-4 * self.cell)
-        base = np.floor((points + normals * self.cell - self.origin) / self.cell - 0.5).astype(np.int64)
-        cells = base[:, None] + _CORNERS
+        cells = self.grid.cells_of(points + normals * self.cell)[:, None] + _BLOCK
         centers = self.grid.centers(cells)
         step = centers - start[:, None]
         length = np.linalg.norm(step, axis=2)
         slope = np.einsum("pkc,pc->pk", step, normals) / np.maximum(length, 1e-12 * self.cell)
         label = self.label.reshape(-1)[self.grid.flat(cells.reshape(-1, 3))].reshape(length.shape)
-        slope[(label == 0) | (length > 2 * self.cell)] = -1
+        slope[label == 0] = -1
         seen = np.zeros(len(points), np.int32)
         waiting = np.arange(len(points))
         for choice in np.argsort(-slope, axis=1, kind="stable").T:

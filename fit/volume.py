@@ -149,7 +149,7 @@ def _closed_shells(corners: Float64) -> list[Manifold]:
 def _weld(corners: Float64, tolerance: float = 0.0) -> tuple[Float64, NDArray[np.int64]]:
     """Distinct points (n, 3) and triangles (t, 3) of a soup (t, 3, 3), less those that welding flattens."""
     soup = corners.reshape(-1, 3)
-    # One number for each point sorts ten times faster than three; should two points ever share it, sort three.
+    # One number for each point sorts ten times faster than three; should two points share it, three do.
     key = soup[:, 0] + soup[:, 1] * np.sqrt(2) + soup[:, 2] * np.sqrt(5)
     _, first, index = np.unique(key, return_index=True, return_inverse=True)
     if not np.array_equal(soup[first][index], soup):
