@@ -27,6 +27,9 @@ DEFAULT_FRAMES = 64
 SOFTWARE_WHOLE_FRAMES = 8
 """Frames that a software adapter draws whole: enough for a median of the pixels' passes."""
 
+SOFTWARE_PROBES = 1024
+"""Probes at most on a software adapter; a frame takes a second there and not ten."""
+
 FrameDone = Callable[[int, int], None]
 """Called with the frames that are done and all that are asked for."""
 
@@ -123,11 +126,14 @@ class Studio:
         )
 
     def settings(self, technique: str) -> RenderSettings:
-        """Settings for one technique; software adapters get smaller shadow maps and textures."""
+        """Settings for one technique; software adapters get fewer probes, smaller shadow maps and textures."""
+        from runtime.sdfddgi import Sdfddgi, SdfddgiSettings
         from runtime.settings import PREVIEW, RenderSettings
 
-        base = PREVIEW if self.gpu.is_software else RenderSettings()
-        return replace(base, size=self.size, gi=technique, exposure=self.exposure)
+        settings = PREVIEW if self.gpu.is_software else RenderSettings()
+        if self.gpu.is_software and technique == Sdfddgi.name:
+            settings = replace(settings, technique=SdfddgiSettings(max_probes=SOFTWARE_PROBES))
+        return replace(settings, size=self.size, gi=technique, exposure=self.exposure)
 
     def describe(self) -> dict[str, Any]:
         """A report's keys on adapter, camera and light."""
@@ -137,5 +143,6 @@ class Studio:
             "camera": self.view.origin,
             "lights": list(self.illumination.describe()),
             "size": self.size,
+            "preview": f"at most {SOFTWARE_PROBES} probes" if self.gpu.is_software else None,
             "exposure": self.exposure,
         }

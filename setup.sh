@@ -1,0 +1,95 @@
+#!/bin/sh
+# Makes .venv with sdfprim in it, ready to run: ./setup.sh [dev]
+#
+# Installs what Debian or Ubuntu lack (Python's venv, the libraries that the wheels load, a Vulkan driver) when it
+# may, which is as root or where sudo asks for no password; else it names the one command to run.
+set -eu
+cd "$(dirname "$0")"
+extras=${1:-}
+python=.venv/bin/python
+
+say() { printf '%s\n' "$*" >&2; }
+
+# Installs Debian packages, or stops and says which command does.
+need() {
+    reason=$1
+    shift
+    if ! command -v apt-get >/dev/null 2>&1; then
+        say "$reason. Install the equivalent of these Debian packages, then run this again: $*"
+        exit 1
+    fi
+    if [ "$(id -u)" -eq 0 ]; then
+        as_root=""
+    elif command -v sudo >/dev/null 2>&1 && sudo -n true 2>/dev/null; then
+        as_root="sudo -n"
+    else
+        say "$reason. Run this, then try again:"
+        say "    sudo apt-get update && sudo apt-get install -y $*"
+        exit 1
+    fi
+    say "$reason: installing $*"
+    $as_root apt-get update -qq >&2
+    $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >&2
+}
+
+is_new_enough() {
+    command -v "$1" >/dev/null 2>&1 && "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null
+}
+
+find_python() {
+    for name in ${PYTHON:-} python3.12 python3.13 python3.11 python3 python3.14; do
+        if is_new_enough "$name"; then
+            printf '%s' "$name"
+            return
+        fi
+    done
+}
+
+make_venv() {
+    [ -x $python ] && $python -m pip --version >/dev/null 2>&1 && is_new_enough $python && return
+    base=$(find_python)
+    if [ -z "$base" ]; then
+        need "no Python 3.11 or newer was found" python3 python3-venv
+        base=$(find_python)
+    fi
+    if [ -z "$base" ]; then
+        say "this system's Python is older than 3.11: install a newer one and name it, PYTHON=python3.12 make demo"
+        exit 1
+    fi
+    if ! "$base" -c 'import ensurepip, venv' 2>/dev/null; then
+        version=$("$base" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+        need "Python's venv is missing" "python$version-venv"
+    fi
+    "$base" -m venv --clear .venv
+}
+
+# An editable install is stale when pyproject.toml is newer than the stamp that the last one left.
+install_package() {
+    stamp=.venv/installed${extras:+-$extras}
+    [ -e "$stamp" ] && [ ! pyproject.toml -nt "$stamp" ] && return
+    say "installing sdfprim${extras:+ with its $extras tools} into .venv"
+    $python -m pip install --quiet --disable-pip-version-check -e ".${extras:+[$extras]}" >&2
+    touch "$stamp"
+}
+
+check_libraries() {
+    missing() { ! $python -c 'import manifold3d, nlopt, OpenImageIO, pymeshlab' >/dev/null 2>&1; }
+    if missing; then
+        need "libraries that the Python packages load are missing" libgl1 libopengl0
+        if missing; then
+            $python -c 'import manifold3d, nlopt, OpenImageIO, pymeshlab' >&2
+        fi
+    fi
+}
+
+check_gpu() {
+    has_adapter() { $python -c 'from runtime.device import open_device; open_device()' >/dev/null 2>&1; }
+    has_adapter && return
+    need "no GPU adapter was found; a software one will do" mesa-vulkan-drivers
+    has_adapter || $python -c 'from runtime.device import open_device; open_device()' >&2
+}
+
+make_venv
+install_package
+check_libraries
+check_gpu
