@@ -123,15 +123,13 @@ class PrimitiveSet:
             ValueError: the matrix shears, mirrors or scales unevenly, so that a sphere would not stay one.
         """
         scale, turn, move = _similarity(np.asarray(matrix, dtype=np.float64))
-        sizes = self.sizes * scale
-        sizes[self.is_half_space] = (np.inf, 0.0, np.inf)
         return replace(
             self,
             positions=self.positions @ (scale * turn).T + move,
             rotations=rotation.normalized(
                 rotation.multiply(rotation.quaternions_from_matrices(turn), self.rotations)
             ),
-            sizes=sizes,
+            sizes=self.sizes * scale,
         )
 
     def with_uniform_color(self, albedo: ArrayLike, emission: ArrayLike = (0.0, 0.0, 0.0)) -> PrimitiveSet:

@@ -458,6 +458,24 @@ def test_a_plain_collider_takes_the_colours_of_the_mesh_it_carries(tmp_path):
     np.testing.assert_allclose(found.albedo[0], np.eye(6, 3) * 0.5 + 0.25)
 
 
+def test_colours_of_several_meshes_are_weighed_by_area(tmp_path):
+    """A black cube of 2 m and a white one of 1 m under one collider: a fifth of each face's area is white."""
+    cubes = PrimitiveSet.concatenate(
+        [make_box(size=(2, 2, 2), albedo=(0, 0, 0)), make_box(albedo=(1, 1, 1), emission=(5, 5, 5))]
+    )
+    export.write(cubes, tmp_path / "set.glb")
+    container = read_container(tmp_path / "set.glb")
+    without_extras(container.document)
+    for mesh in container.document["meshes"]:
+        mesh["name"] = "Cube"
+    container.document["nodes"][0]["children"] = [1, 3]
+    container.document["scenes"][0]["nodes"] = [0]
+    (tmp_path / "set.glb").write_bytes(build_glb(container.document, container.binary))
+    found = export.read(tmp_path / "set.glb", [])
+    np.testing.assert_allclose(found.albedo, np.full((1, 6, 3), 0.2), rtol=1e-6)
+    np.testing.assert_allclose(found.emission, np.full((1, 6, 3), 1.0), rtol=1e-6)
+
+
 def test_the_physics_samples_of_the_draft(shared_assets):
     """eoineoineoin's own sample: boxes, cylinders, a sphere; capsules, a cone and hulls are named."""
     notes: list[str] = []
