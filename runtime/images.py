@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -110,28 +110,28 @@ def read_layers(path: str | Path) -> tuple[Float32, tuple[str, ...]]:
 
 
 def area_resample(
-    values: NDArray[np.floating], axis: int, count: int, weights: NDArray[np.floating] | None = None
+    values: NDArray[np.floating],
+    axis: int,
+    count: int,
+    measure: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
 ) -> NDArray[np.float64]:
-    """Averages along an axis to `count` equal cells, each over exactly the samples it covers, parts of them
-    included.
+    """Averages along an axis to `count` equal cells, each over exactly the samples it covers, parts included.
 
-    `weights` (length of the axis): how much each sample counts, such as its solid angle.
+    `measure` tells how much lies before a share in [0, 1] of the axis, when that is not the share itself
+    (on a sphere: the solid angle above a row).
     """
     moved = np.moveaxis(np.asarray(values, np.float64), axis, 0)
     size = len(moved)
-    share = np.ones(size) if weights is None else np.asarray(weights, np.float64)
-    share = share.reshape((size,) + (1,) * (moved.ndim - 1))
-    edges = np.arange(count + 1) * (size / count)
-    totals = np.diff(_integral(moved * share, edges), axis=0) / np.diff(_integral(share, edges), axis=0)
-    return np.moveaxis(totals, 0, axis)
-
-
-def _integral(samples: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The integral of piecewise constant samples (n, ...) from 0 to each edge."""
-    sums = np.concatenate([np.zeros_like(samples[:1]), np.cumsum(samples, axis=0)])
-    below = np.minimum(edges.astype(np.int64), len(samples) - 1)
-    beyond = (edges - below).reshape((-1,) + (1,) * (samples.ndim - 1))
-    return sums[below] + beyond * samples[below]
+    before, edges = np.arange(size + 1) / size, np.arange(count + 1) / count
+    if measure is not None:
+        before, edges = measure(before), measure(edges)
+    shape = (-1,) + (1,) * (moved.ndim - 1)
+    sums = np.concatenate(
+        [np.zeros_like(moved[:1]), np.cumsum(moved * np.diff(before).reshape(shape), axis=0)]
+    )
+    sample = np.clip(np.searchsorted(before, edges, side="right") - 1, 0, size - 1)
+    integral = sums[sample] + (edges - before[sample]).reshape(shape) * moved[sample]
+    return np.moveaxis(np.diff(integral, axis=0) / np.diff(edges).reshape(shape), 0, axis)
 
 
 class _Replacing:

@@ -98,13 +98,11 @@ class Sky:
 
 
 def resample_sky(picture: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
-    """Area average to another size, rows weighted by solid angle: the integral over the sphere is kept."""
+    """Area average to another size, rows by solid angle: the integral over the sphere is kept."""
     if picture.shape[:2] == (height, width):
         return picture
-    rows = picture.shape[0]
-    solid_angle = np.cos(np.pi * np.arange(rows) / rows) - np.cos(np.pi * np.arange(1, rows + 1) / rows)
     narrow = area_resample(picture, 1, width)
-    return area_resample(narrow, 0, height, solid_angle).astype(np.float32)
+    return area_resample(narrow, 0, height, lambda share: (1 - np.cos(np.pi * share)) / 2).astype(np.float32)
 
 
 def sky_pyramid(picture: NDArray[np.float32]) -> list[NDArray[np.float32]]:

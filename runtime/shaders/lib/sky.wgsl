@@ -8,10 +8,11 @@ import package::structs::{SkyModel};
 
 const SKY_PI = 3.14159265358979;
 
-// Equirectangular coordinates in [0, 1]: u = atan2(x, -z) / 2 pi mod 1, v = acos(y) / pi (0 at the zenith).
+// Equirectangular coordinates in [0, 1]: u = atan2(x, -z) / 2 pi mod 1, v = acos(y) / pi (0 at the zenith), by an
+// arc tangent because arc cosines on GPUs are only good to 4 digits.
 fn sky_uv(direction: vec3f) -> vec2f {
     let turns = atan2(direction.x, -direction.z) / (2.0 * SKY_PI);
-    return vec2f(fract(turns), acos(clamp(direction.y, -1.0, 1.0)) / SKY_PI);
+    return vec2f(fract(turns), atan2(length(direction.xz), direction.y) / SKY_PI);
 }
 
 // base + slope (axis . direction), never negative.
