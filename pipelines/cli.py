@@ -27,6 +27,7 @@ app = cyclopts.App(
     help_epilogue="Exit codes: 0 all went well, 1 something failed, 2 bad usage, 130 interrupted.",
     version=package_version(),
     help_format="plaintext",
+    suppress_keyboard_interrupt=False,
 )
 
 Numbers = Parameter(allow_leading_hyphen=True)

@@ -64,4 +64,6 @@ def test_header_tells_what_ran_where() -> None:
     assert (header["command"], header["seed"]) == ("convert", 3)
     assert header["settings"] == {"files": ["a.glb"]}
     assert header["version"]
-    assert {"system", "processor", "cores", "memory_mb", "python", "libraries", "adapters"} <= set(header["machine"])
+    assert {"system", "processor", "cores", "memory_mb", "python", "libraries", "adapters"} <= set(
+        header["machine"]
+    )

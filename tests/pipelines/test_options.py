@@ -51,7 +51,14 @@ def test_colors_are_not_negative() -> None:
 
 @pytest.mark.parametrize(
     ("text", "expected"),
-    [("1,2,3", True), ("-1.5,2e-3,0", True), ("nan,1,2", True), ("sky,evening.hdr", False), ("court", False), ("3", False)],
+    [
+        ("1,2,3", True),
+        ("-1.5,2e-3,0", True),
+        ("nan,1,2", True),
+        ("sky,evening.hdr", False),
+        ("court", False),
+        ("3", False),
+    ],
 )
 def test_numbers_are_told_from_names(text: str, expected: bool) -> None:
     assert looks_like_numbers(text) is expected

@@ -15,7 +15,7 @@ import pytest
 from pipelines.worker import run_isolated
 
 # A spawned process finds its job by module name, which a test module run with importlib mode does not have.
-JOBS = '''
+JOBS = """
 import os, signal, time
 def work(number, progress):
     progress("halfway", 0.5)
@@ -39,7 +39,7 @@ def hog(progress):
     block = bytearray(200 << 20)
     block[:: 4096] = b"x" * len(block[:: 4096])
     return None
-'''
+"""
 
 
 @pytest.fixture(scope="module")
