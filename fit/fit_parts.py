@@ -10,15 +10,20 @@ from numpy.typing import NDArray
 from fit.objective import Targets, error, penalties, set_distances
 from fit.recognize import Piece, box_around, closed_forms, normal_frame, recognize
 from fit.refine import refine
-from fit.shapes import Shapes, join, no_shapes
+from fit.shapes import Shapes, distances_to_one, join, no_shapes
+from fit.spaces import Air
 from fit.split import Parts
-from fit.surface import Surface
+
+_INSIDE_STEPS = 14
 
 MOST_PARTS = 256
 """Parts fitted on their own, those of the largest projected area; the others are left to the growing."""
 
 MOST_TARGETS = 400
 """Of each sort, surface and air, in the fit of one part."""
+
+MOST_AIR_INSIDE = 0.05
+"""Share of a candidate's volume that may be free air: a floor around a court is no slab across it."""
 
 _PROMISING = 0.5
 """Share of a part's error that a closed form must explain before nlopt is worth its time."""
@@ -33,9 +38,10 @@ class PartFits:
 
 
 def fit_parts(
-    walls: Surface, parts: Parts, wanted: NDArray[np.int64], targets: Targets, triangle: NDArray[np.int64]
+    air: Air, parts: Parts, wanted: NDArray[np.int64], targets: Targets, triangle: NDArray[np.int64]
 ) -> PartFits:
-    """Candidates of the parts `wanted`, largest first; `triangle` (samples,): the row of `walls` of each sample."""
+    """Candidates of the parts `wanted`, largest first; `triangle` (samples,): the wall of each sample."""
+    walls = air.walls
     order = np.argsort(parts.of_triangle, kind="stable")
     limits = np.searchsorted(parts.of_triangle[order], np.arange(len(parts) + 1))
     part_of_target = np.full(len(targets), -1)
@@ -47,7 +53,8 @@ def fit_parts(
         piece = Piece(walls.vertices[rows], walls.normals[rows], walls.areas[rows])
         found = recognize(piece)
         if len(found) == 0:
-            found = _best_kind(piece, _part_targets(targets, np.flatnonzero(part_of_target == part), piece))
+            own = np.flatnonzero(part_of_target == part)
+            found = _best_kind(piece, _part_targets(targets, own, piece), air)
         shapes.append(found)
         owners += [int(part)] * len(found)
     return PartFits(join(shapes), np.array(owners, np.int64))
@@ -73,7 +80,7 @@ def _thinned(rows: NDArray[np.int64], most: int) -> NDArray[np.int64]:
     return rows if len(rows) <= most else rows[np.linspace(0, len(rows) - 1, most).astype(np.int64)]
 
 
-def _best_kind(piece: Piece, targets: Targets) -> Shapes:
+def _best_kind(piece: Piece, targets: Targets, air: Air) -> Shapes:
     """The closed forms, each refined by nlopt where it is promising; the one of least error, by error alone."""
     nothing = float(penalties(targets, set_distances(no_shapes(), targets)).sum())
     candidates = closed_forms(piece)
@@ -85,9 +92,20 @@ def _best_kind(piece: Piece, targets: Targets) -> Shapes:
         step = 0.25 * float(candidates.halves[i].max())
         refined = refine(candidates.select(np.array([i])), targets, max_step=step, evaluations=40, passes=1)
         reached = error(refined, targets)
-        if reached < lowest:
+        if reached < lowest and air_inside(refined, air) <= MOST_AIR_INSIDE:
             best, lowest = refined, reached
     return best
+
+
+def air_inside(shape: Shapes, air: Air) -> float:
+    """Share of one shape's volume that is free air, by points on a regular grid of its local box."""
+    steps = (np.arange(_INSIDE_STEPS) + 0.5) / _INSIDE_STEPS * 2 - 1
+    local = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3) * shape.halves[0]
+    points = shape.centers[0] + local @ shape.frames[0].T
+    points = points[distances_to_one(shape, 0, points) <= 0]
+    cells = air.grid.cells_of(points)
+    is_free = air.free.reshape(-1)[air.grid.flat(cells)] & air.grid.holds(cells)
+    return float(is_free.mean()) if len(points) else 0.0
 
 
 def bounding_fit(piece: Piece) -> Shapes:

@@ -29,7 +29,7 @@ from fit.surface import Surface, from_scene
 from fit.targets import make_targets, see_surface
 
 BYTES_PER_PRIMITIVE = 64
-SURFACE_SAMPLES, AIR_SAMPLES = 12_000, 12_000
+SURFACE_SAMPLES, AIR_SAMPLES = 12_000, 16_000
 
 Progress = Callable[[str, float], None]
 
@@ -119,7 +119,7 @@ def fit(scene: Scene, settings: FitSettings = FitSettings(), progress: Progress 
         wanted, weights, skipped = skip_small_parts(parts, air.walls, seen, settings.least_share())
         targets = make_targets(seen, air, weights, AIR_SAMPLES, settings.seed)
     with stages("parts"):
-        parts_fits = fit_parts(air.walls, parts, wanted, targets, seen.samples.triangle)
+        parts_fits = fit_parts(air, parts, wanted, targets, seen.samples.triangle)
         fixed = emissive_parts(scene, air, parts, seen, parts_fits, settings.limit() // 4)
     with stages("build"):
         lattices = [

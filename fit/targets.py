@@ -119,12 +119,16 @@ def make_targets(seen: Seen, air: Air, weights: Float64, count: int, seed: int) 
 
 
 def _air_points(air: Air, count: int, seed: int) -> tuple[Float64, Float64]:
-    """Centres of free cells within reach of a surface, half of them near it; and their distances to it."""
+    """Centres of free cells, half of them near a surface, and their distances to it, `reach` at most.
+
+    Those beyond the reach matter as well: without them a sheet across an open court would cost nothing.
+    """
     rng = np.random.default_rng(seed)
     steps = ndimage.distance_transform_cdt(air.label > 0, "chessboard")  # cells to the nearest solid one
+    near = steps <= NEAR_CELLS
     drawn: list[NDArray[np.int64]] = []
-    for lowest, highest in ((1, NEAR_CELLS), (NEAR_CELLS + 1, REACH_CELLS)):
-        cells = np.flatnonzero((air.free & (steps >= lowest) & (steps <= highest)).ravel())
+    for stratum in (near, ~near):
+        cells = np.flatnonzero((air.free & stratum).ravel())
         if len(cells):
             drawn.append(np.sort(rng.choice(cells, size=min(count // 2, len(cells)), replace=False)))
     index = np.concatenate([*drawn, np.zeros(0, np.int64)])
