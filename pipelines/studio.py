@@ -126,7 +126,7 @@ class Studio:
         )
 
     def settings(self, technique: str) -> RenderSettings:
-        """Settings for one technique; software adapters get fewer probes, smaller shadow maps and textures."""
+        """Settings for one technique; software adapters get fewer probes and smaller maps and textures."""
         from runtime.sdfddgi import Sdfddgi, SdfddgiSettings
         from runtime.settings import PREVIEW, RenderSettings
 
