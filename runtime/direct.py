@@ -3,7 +3,9 @@ pixels."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from fit.scene import Float64
 from runtime.device import Gpu
@@ -35,11 +37,13 @@ class LightMaps:
         self._header = Buffer(gpu, Lighting.dtype.itemsize, "uniform", label="lighting")
         self._sampler = Sampler(gpu, "linear", compare="greater-equal", label="shadow_sampler")
         self._kernel: RasterKernel | None = None
-        self._lights = Buffer(gpu, Light.dtype.itemsize, "storage", label="lights")
+        self._records = Buffer(gpu, Light.dtype.itemsize, "storage", label="lights")
         self._tiles: tuple[Tile, ...] = ()
-        self._tile_lights: list[Buffer] = []
-        self._placement: object = None
+        self._tile_records: list[Buffer] = []
+        self._seen: list[bytes] = []
+        self._is_stale = False
         self._make_atlas((1, 1))
+        self.lights: tuple[AnyLight, ...] = ()
         self.notes: tuple[str, ...] = ()
         self.set(())
 
@@ -50,10 +54,10 @@ class LightMaps:
         if size != self._depth.size[:2]:
             self._make_atlas(size)
         records = light_records(lights, self._tiles, self._origin)
-        if records.nbytes != self._lights.size:
-            self._lights = Buffer(self._gpu, records, "storage", label="lights")
+        if records.nbytes != self._records.size:
+            self._records = Buffer(self._gpu, records, "storage", label="lights")
         else:
-            self._lights.write(records)
+            self._records.write(records)
         self._header.write(
             Lighting.pack(
                 atlas_size=size,
@@ -62,7 +66,7 @@ class LightMaps:
                 rsm_normal_agreement=self._settings.rsm_normal_agreement,
             )
         )
-        self._set_tiles(records)
+        self._place_tiles(records)
         self.lights = tuple(lights)
         self.notes = untiled_notes(lights, self._tiles) if self._meshes is not None else ()
 
@@ -70,16 +74,16 @@ class LightMaps:
         """What `lib/lights.wgsl` binds."""
         return {
             "lighting": self._header,
-            "lights": self._lights,
+            "lights": self._records,
             "shadow_depth": self._depth,
             "shadow_sampler": self._sampler,
             **self._targets,
         }
 
     def invalidate(self) -> None:
-        """Says that an instance has moved: places the views anew and draws them in the next frame."""
-        self._placement = None
+        """Says that an instance has moved: the views are placed anew and drawn in the next frame."""
         self.set(self.lights)
+        self._is_stale = True
 
     def record(self, rec: Recorder) -> None:
         """Draws the views of the lights that have one, if anything in them has moved."""
@@ -95,30 +99,20 @@ class LightMaps:
             )
         targets = [self._targets[name] for name in RSM_TARGETS]
         with rec.render(self._kernel.name, targets, self._depth, clear_depth=0.0) as render_pass:
-            for tile, light in zip(self._tiles, self._tile_lights, strict=True):
+            for tile, light in zip(self._tiles, self._tile_records, strict=True):
                 render_pass.set_viewport(*tile.corner, tile.size, tile.size, 0.0, 1.0)
                 render_pass.set_scissor_rect(*tile.corner, tile.size, tile.size)
                 self._meshes.draw(render_pass, self._kernel, light=light)
         self._is_stale = False
 
-    def _set_tiles(self, records: Sequence[object]) -> None:
-        placement = [
-            (
-                tile.light,
-                tile.corner,
-                tile.size,
-                tile.clip_from_local.tobytes(),
-                _shape(self._tiles, tile, records),
-            )
-            for tile in self._tiles
-        ]
-        if placement == self._placement:
-            return
-        self._placement = placement
-        self._is_stale = True
-        self._tile_lights = [
-            Buffer(self._gpu, records[tile.light], "uniform", label="light") for tile in self._tiles
-        ]
+    def _place_tiles(self, records: np.ndarray) -> None:
+        """Hands each view its light; they need drawing when anything but a colour has changed."""
+        seen = records[[tile.light for tile in self._tiles]]
+        seen["color"] = 1.0
+        described = [record.tobytes() for record in seen]
+        if described != self._seen:
+            self._seen, self._is_stale = described, True
+            self._tile_records = [Buffer(self._gpu, record, "uniform", label="light") for record in seen]
 
     def _make_atlas(self, size: tuple[int, int]) -> None:
         self._depth = Texture(self._gpu, size, "depth32float", "sample|render", label="shadow_depth")
@@ -126,14 +120,7 @@ class LightMaps:
             name: Texture(self._gpu, size, format, "sample|render", label=name)
             for name, format in RSM_TARGETS.items()
         }
-        self._placement = None
-
-
-def _shape(tiles: Sequence[Tile], tile: Tile, records: Sequence[object]) -> bytes:
-    """All of a light's record but its colour: what its map depends on."""
-    record = records[tile.light].copy()  # type: ignore[attr-defined]
-    record["color"] = 0
-    return bytes(record.tobytes())
+        self._is_stale = True
 
 
 class DirectLight:
@@ -145,7 +132,11 @@ class DirectLight:
         self.irradiance = Texture(gpu, size, "rgba32float", "sample|storage", label="direct_irradiance")
 
     def record(
-        self, rec: Recorder, gbuffer: GBuffer, world: dict[str, Resource], frame: dict[str, Resource]
+        self,
+        rec: Recorder,
+        gbuffer: GBuffer,
+        world: Mapping[str, Resource],
+        frame: Mapping[str, Resource],
     ) -> None:
         """Fills `irradiance`, W/m2."""
         with rec.compute(self._kernel.name) as compute_pass:

@@ -148,7 +148,7 @@ def _normalised(pixels: Float32) -> NDArray[np.float64]:
     return np.where(is_surface[..., None], shares, 0.0)
 
 
-def _heat(share: Float32) -> NDArray[np.float64]:
+def _heat(share: NDArray[np.floating]) -> NDArray[np.float64]:
     """Black, blue, red, yellow, white over [0, 1]."""
     stops = np.array([[0, 0, 0], [0.1, 0.1, 0.7], [0.8, 0.1, 0.3], [1, 0.8, 0.1], [1, 1, 1]])
     place = np.linspace(0, 1, len(stops))

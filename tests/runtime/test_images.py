@@ -24,9 +24,8 @@ def test_exr_holds_linear_float32_with_named_channels(tmp_path):
     write_exr(tmp_path / "a.exr", picture, layers)
     pixels, names = read_layers(tmp_path / "a.exr")
     planes = dict(zip(names, np.moveaxis(pixels, -1, 0), strict=True))
-    assert set(names) == {
-        "R", "G", "B", "position.X", "position.Y", "position.Z", "depth.Z", "direct.R", "direct.G", "direct.B",
-    }  # fmt: skip
+    positions, directs = [f"position.{c}" for c in "XYZ"], [f"direct.{c}" for c in "RGB"]
+    assert set(names) == {*"RGB", *positions, "depth.Z", *directs}
     np.testing.assert_array_equal(np.stack([planes[c] for c in "RGB"], -1), picture)
     np.testing.assert_array_equal(planes["position.Y"], layers["position"][..., 1])
     np.testing.assert_array_equal(planes["depth.Z"], layers["depth"][..., 0])
