@@ -9,7 +9,7 @@ import base64
 import binascii
 import json
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -38,13 +38,21 @@ class Container:
     path: Path
     document: dict[str, Any]
     binary: bytes = b""
+    _buffers: dict[int, bytes] = field(default_factory=dict, repr=False, compare=False)
+    _arrays: dict[int, NDArray[Any]] = field(default_factory=dict, repr=False, compare=False)
 
     def accessor(self, index: int) -> NDArray[Any]:
-        """Values (count,) or (count, width) of an accessor, normalised ones as float64.
+        """Values (count,) or (count, width) of an accessor, read-only, normalised ones as float64.
 
         Raises:
             FormatError: the accessor is sparse, compressed or does not fit its buffer.
         """
+        if index not in self._arrays:
+            self._arrays[index] = self._read_accessor(index)
+            self._arrays[index].flags.writeable = False
+        return self._arrays[index]
+
+    def _read_accessor(self, index: int) -> NDArray[Any]:
         place = f"accessors[{index}]"
         try:
             a = self.document["accessors"][index]
@@ -52,7 +60,9 @@ class Container:
             if "sparse" in a or "bufferView" not in a:
                 raise FormatError(self.path, place, "is sparse; save the file without sparse accessors")
             view = self.document["bufferViews"][a["bufferView"]]
-            data = self._buffer(view["buffer"])
+            if view["buffer"] not in self._buffers:
+                self._buffers[view["buffer"]] = self._read_buffer(view["buffer"])
+            data = self._buffers[view["buffer"]]
             row = dtype.itemsize * width
             stride = view.get("byteStride", row)
             start = view.get("byteOffset", 0) + a.get("byteOffset", 0)
@@ -67,7 +77,7 @@ class Container:
             values = np.maximum(values / float(np.iinfo(dtype.name).max), -1.0)
         return values[:, 0].copy() if width == 1 else values.copy()
 
-    def _buffer(self, index: int) -> bytes:
+    def _read_buffer(self, index: int) -> bytes:
         uri = self.document["buffers"][index].get("uri")
         place = f"buffers[{index}]"
         if uri is None:

@@ -67,20 +67,22 @@ def _painted(
     graph: Graph, meshes: Sequence[int], position: Float64, turn: Float64, notes: list[str]
 ) -> tuple[Float64, Float64, Float64]:
     """Area (6,), mean albedo (6, 3) and mean emission (6, 3) of each face; zeros where nothing is painted."""
-    areas, albedo, emission = np.zeros(6), np.zeros((6, 3)), np.zeros((6, 3))
+    parts, colors = [], []
     for node in meshes:
         for part in graph.triangles(node):
-            if part.material is None or len(part.corners) == 0:
-                continue
-            color, glow = _material_colors(graph, node, part.material, notes)
-            a, b, c = np.moveaxis((part.corners - position) @ turn, 1, 0)
-            normal = np.cross(b - a, c - a) / 2
-            axis = np.argmax(np.abs(normal), axis=1)
-            face = 2 * axis + (normal[np.arange(len(normal)), axis] < 0)
-            area = np.bincount(face, weights=np.linalg.norm(normal, axis=1), minlength=6)
-            areas += area
-            albedo += area[:, None] * color
-            emission += area[:, None] * glow
+            if part.material is not None and len(part.corners):
+                parts.append(part.corners)
+                colors += [_material_colors(graph, node, part.material, notes)] * len(part.corners)
+    if not parts:
+        return np.zeros(6), np.zeros((6, 3)), np.zeros((6, 3))
+    corners = (np.concatenate(parts) - position) @ turn
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    axis = np.argmax(np.abs(normal), axis=1)
+    face = 2 * axis + (normal[np.arange(len(normal)), axis] < 0)
+    weights = np.zeros((6, len(face)))
+    weights[face, np.arange(len(face))] = np.linalg.norm(normal, axis=1)
+    areas = weights.sum(axis=1)
+    albedo, emission = np.moveaxis(np.tensordot(weights, np.array(colors), 1), 1, 0)
     divisor = np.where(areas > 0, areas, 1.0)[:, None]
     return areas, albedo / divisor, emission / divisor
 
