@@ -16,6 +16,7 @@ def settings(output: Path) -> CompareSettings:
         output=output,
         camera="court",
         lighting=LightingOptions(sky="0.5,0.7,1.1", keep_file_lights=True),
+        exposure=-0.5,
         size=(480, 270),
         frames=48,
     )

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from pipelines.report.plots import bars
+from pipelines.report.plots import bars, short_number
 
 UInt8 = NDArray[np.uint8]
 
@@ -93,11 +93,11 @@ def _tiles(report: Mapping[str, Any]) -> str:
         (f"{coarse['primitives']} / {fine['primitives']}", "primitives, coarse / fine"),
         (f"{coarse['bytes'] / 1024:.1f} / {fine['bytes'] / 1024:.1f} KiB", "on the GPU, coarse / fine"),
         (
-            f"{_number(coarse['frame_ms'])} / {_number(fine['frame_ms'])} ms",
+            f"{short_number(coarse['frame_ms'])} / {short_number(fine['frame_ms'])} ms",
             "GPU time of a frame, coarse / fine",
         ),
         (f"{difference['flip']:.3f}", "FLIP, coarse against fine (0 is equal)"),
-        (_number(difference["rel_mse"]), "relMSE, coarse against fine"),
+        (short_number(difference["rel_mse"]), "relMSE, coarse against fine"),
     )
     inner = "".join(f'<div class="tile"><strong>{a}</strong><span>{b}</span></div>' for a, b in tiles)
     return f'<div class="tiles">{inner}</div>'
@@ -181,7 +181,7 @@ def _left_out_section(report: Mapping[str, Any]) -> str:
 
 def _space(space: Mapping[str, Any]) -> str:
     point = ", ".join(f"{value:.2f}" for value in space["point"])
-    return f"{_number(space['volume'])} m3 around ({point}): {space['evidence']}"
+    return f"{short_number(space['volume'])} m3 around ({point}): {space['evidence']}"
 
 
 def _pair(sources: Mapping[str, str], names: tuple[str, ...], tags: tuple[str, ...], caption: str) -> str:
@@ -222,10 +222,6 @@ def _quantity(value: float | None, unit: str) -> str:
 
 def _percent(value: float | None) -> float | None:
     return None if value is None else 100 * value
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}"
 
 
 def _data_uri(pixels: UInt8) -> str:

@@ -31,11 +31,18 @@ def bars(series: Mapping[str, Sequence[float | None]], labels: Sequence[str], un
     return f'<svg viewBox="0 0 {WIDTH} {height}" role="img">{rule}{"".join(parts)}</svg>'
 
 
+def short_number(value: float | None) -> str:
+    """Three digits, and no exponent where there is room for the number; a dash for None."""
+    if value is None:
+        return "-"
+    return f"{value:,.0f}" if 1000 <= abs(value) < 1e7 else f"{value:.3g}"
+
+
 def _bar(y: float, value: float | None, scale: float, name: str, unit: str) -> str:
     if value is None:
         return f'<text class="quiet" x="{LABELS + 6}" y="{y + BAR - 2}">-</text>'
     width = max(value * scale, 1.0)
-    end, text = LABELS + width + 6, escape(f"{value:.3g} {unit}")
+    end, text = LABELS + width + 6, escape(f"{short_number(value)} {unit}")
     return (
         f'<rect class="{name}" x="{LABELS}" y="{y}" width="{width:.1f}" height="{BAR}" rx="2"/>'
         f'<text class="quiet" x="{end:.1f}" y="{y + BAR - 2}">{text}</text>'

@@ -1,0 +1,161 @@
+"""`sdfprim render`: which camera, which light, which file, and what is told of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from fit import export, gltf
+from fit.primitives import PrimitiveSet, make_box
+from fit.scene import Scene
+from fit.spaces import AirSpace
+from pipelines.errors import UsageError
+from pipelines.studio import LightingOptions
+from pipelines.views import choose_view
+from runtime.images import read_layers
+from runtime.views import AOV_LAYERS
+
+
+@pytest.fixture(scope="module")
+def prims(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A floor and a wall for `two_colour_wall.glb`."""
+    path = tmp_path_factory.mktemp("set") / "wall.prims.npz"
+    floor = make_box((0, -0.1, 0), (6, 0.2, 4), albedo=(0.5, 0.5, 0.5))
+    wall = make_box((0, 1, 0), (0.06, 2, 3), albedo=(0.7, 0.4, 0.4))
+    export.write(PrimitiveSet.concatenate([floor, wall]), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def scene(wall: Path) -> Scene:
+    return gltf.load(wall)
+
+
+@pytest.fixture
+def render(sdfprim: Callable[..., Any], gpu: Any, wall: Path, prims: Path) -> Callable[..., Any]:
+    """Renders a small picture; skipped where there is no adapter."""
+
+    def run(*options: object) -> Any:
+        return sdfprim("render", wall, "--set", prims, "--size", "64x40", "--frames", 2, *options)
+
+    return run
+
+
+def test_png_and_report(render: Callable[..., Any], tmp_path: Path) -> None:
+    ran = render("-o", tmp_path / "a.png", "--gi", "none", "--camera", "west", "--json")
+    assert ran.code == 0, ran.err
+    pixels = np.asarray(Image.open(tmp_path / "a.png"))
+    assert pixels.shape == (40, 64, 3)
+    assert pixels.max() > 100
+    report = ran.report
+    assert report["camera"] == "the file's camera 'west'"
+    assert report["set"]["primitives"] == 2
+    assert any("sun" in line for line in report["lights"])
+    assert {"primary/draw_gbuffer", "direct/light_pixels"} <= set(report["passes_ms"])
+    assert isinstance(report["software_adapter"], bool)
+
+
+def test_exposure_scales_the_png_and_not_the_exr(render: Callable[..., Any], tmp_path: Path) -> None:
+    for exposure in (0, -2):
+        for suffix in ("png", "exr"):
+            render("-o", tmp_path / f"{exposure}.{suffix}", "--gi", "none", f"--exposure={exposure}")
+    bright, dark = (np.asarray(Image.open(tmp_path / f"{e}.png")).mean() for e in (0, -2))
+    assert dark < 0.8 * bright
+    np.testing.assert_array_equal(*(read_layers(tmp_path / f"{e}.exr")[0] for e in (0, -2)))
+
+
+def test_exr_with_layers(render: Callable[..., Any], tmp_path: Path) -> None:
+    render("-o", tmp_path / "a.exr", "--gi", "none", "--aov", "--view", "albedo")
+    pixels, names = read_layers(tmp_path / "a.exr")
+    channel = dict(zip(names, np.moveaxis(pixels, -1, 0), strict=True))
+    for layer in AOV_LAYERS:
+        assert any(name.startswith(f"{layer}.") for name in names), layer
+    np.testing.assert_array_equal(channel["R"], channel["albedo.R"])
+
+
+def test_words_for_people(render: Callable[..., Any], tmp_path: Path) -> None:
+    ran = render("-o", tmp_path / "a.png", "--gi", "none", "--sun", "-1,2,0,5")
+    assert "sun from" in ran.out
+    assert "1 lights of the file are off" in ran.out
+    assert "GPU ms, median of 2 frames" in ran.out
+    assert "2 primitives" in ran.out
+
+
+def test_an_unknown_camera_lists_those_there_are(render: Callable[..., Any], tmp_path: Path) -> None:
+    ran = render("-o", tmp_path / "a.png", "--camera", "north")
+    assert ran.code == 2
+    assert "0 or 'west', 1 or 'east'" in ran.err
+
+
+def test_without_a_set_it_converts_and_says_so(
+    sdfprim: Callable[..., Any], gpu: Any, wall: Path, tmp_path: Path
+) -> None:
+    ran = sdfprim("render", wall, "--size", "32x20", "--frames", 1, "--gi", "none", "-o", tmp_path / "a.png")
+    assert ran.code == 0, ran.err
+    assert "no --set given, converting" in ran.err
+    assert "converted just now" in ran.out
+
+
+def test_cameras_by_name_number_and_numbers(scene: Scene) -> None:
+    assert choose_view(None, scene, 1.6).camera is scene.cameras[0]
+    assert choose_view("east", scene, 1.6).camera is scene.cameras[1]
+    assert choose_view("1", scene, 1.6).camera is scene.cameras[1]
+    placed = choose_view("-1,2,3,0,0,0,60", scene, 1.6).camera
+    np.testing.assert_allclose(placed.world_from_local[:3, 3], (-1, 2, 3))
+    assert placed.yfov == pytest.approx(np.radians(60))
+    with pytest.raises(UsageError, match="has 0 or 'west'"):
+        choose_view("2", scene, 1.6)
+
+
+def test_named_views_of_a_known_scene(scene: Scene) -> None:
+    sponza = replace(scene, source=Path("Sponza.gltf"), cameras=())
+    assert choose_view("atrium", sponza, 1.6).camera.yfov == pytest.approx(np.radians(60))
+    with pytest.raises(UsageError, match="'atrium'"):
+        choose_view("attic", sponza, 1.6)
+
+
+class _Corridor:
+    """Air along x only, closed towards the outside."""
+
+    spaces = (AirSpace((0.0, 1.0, 0.0), 12.0, "closed, 99% of the surface around it faces it"),)
+
+    def is_air(self, points: Any) -> Any:
+        return (np.abs(points[:, 0] - 1) < 3) & (np.abs(points[:, 2]) < 0.4)
+
+
+def test_a_made_up_camera_looks_down_the_longest_view(scene: Scene) -> None:
+    view = choose_view(None, replace(scene, cameras=()), 1.6, _Corridor())  # type: ignore[arg-type]
+    assert "inside the largest space" in view.origin
+    np.testing.assert_allclose(view.camera.world_from_local[:3, 3], (0, 1, 0))
+    np.testing.assert_allclose(-view.camera.world_from_local[:3, 2], (1, 0, 0), atol=1e-12)
+
+
+def test_a_made_up_camera_frames_what_stands_outside(scene: Scene) -> None:
+    view = choose_view(None, replace(scene, cameras=()), 1.6)
+    lower, upper = scene.bounds()
+    position = view.camera.world_from_local[:3, 3]
+    assert np.any((position < lower) | (position > upper))
+    backward = view.camera.world_from_local[:3, 2]
+    centre = (lower + upper) / 2 - position
+    np.testing.assert_allclose(centre / np.linalg.norm(centre), -backward, atol=1e-9)
+
+
+def test_lighting(scene: Scene) -> None:
+    assert [type(light).__name__ for light in LightingOptions().choose(scene).lights] == ["Sun"]
+    only_sky = LightingOptions(sky="1,1,2").choose(scene)
+    assert only_sky.lights == ()
+    assert only_sky.sky.base == (1, 1, 2)
+    both = LightingOptions(sun="0,1,0,3", keep_file_lights=True).choose(scene)
+    assert len(both.lights) == 2
+
+
+def test_near_plane_follows_the_scene_s_size(scene: Scene) -> None:
+    near = choose_view("0,1,3,0,0,0,60", scene, 1.6).camera.znear
+    half = choose_view("0,1,3,0,0,0,60", gltf.load(scene.source, scale=0.5), 1.6).camera.znear
+    assert 0 < half == pytest.approx(near / 2)
