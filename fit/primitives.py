@@ -264,7 +264,8 @@ def shared_face_colors(kinds: ArrayLike, colors: ArrayLike, areas: ArrayLike | N
             colors[i, faces] = w @ colors[i, faces] / w.sum()
     planes = np.flatnonzero(kinds == Kind.PLANE)
     colors[planes[:, None], side] = colors[planes][:, 2:4].mean(axis=1, keepdims=True)
-    return colors.astype(np.float32)
+    with np.errstate(over="ignore"):  # what overflows is infinite, which `validate` refuses
+        return colors.astype(np.float32)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +15,9 @@ from fit.export.files import FormatError
 from fit.export.glb import Container
 
 Float64 = NDArray[np.float64]
+
+MALFORMED = (LookupError, TypeError, AttributeError, ValueError, ArithmeticError)
+"""What NumPy and Python raise at JSON of a wrong shape."""
 
 SHEAR_LIMIT = 1e-4
 """Cosine between two axes of a node above which it counts as sheared."""
@@ -57,6 +62,16 @@ class Graph:
     def error(self, node: int, problem: str) -> FormatError:
         """An error about a node, ready to raise."""
         return FormatError(self.container.path, self.place(node), problem)
+
+    @contextmanager
+    def reading(self, node: int) -> Iterator[None]:
+        """Turns whatever malformed JSON raises in this block into a FormatError about the node."""
+        try:
+            yield
+        except FormatError:
+            raise
+        except MALFORMED as error:
+            raise self.error(node, f"is malformed: {error}; save the file again") from error
 
     def place(self, node: int) -> str:
         """How messages call a node."""
@@ -144,11 +159,9 @@ def read_graph(container: Container) -> Graph:
             raise FormatError(container.path, "nodes", f"hold no {node!r}, which a parent names")
         if node in graph.parent:
             raise graph.error(node, "has two parents or is its own ancestor; save the file again")
-        try:
+        with graph.reading(node):
             world = above @ _local_matrix(nodes[node])
             children = list(nodes[node].get("children", []))
-        except (TypeError, ValueError) as error:
-            raise graph.error(node, f"is malformed ({error}); save the file again") from error
         graph.parent[node], graph.world[node] = parent, world
         pending += [(child, node, world) for child in children]
     graph.parent = dict(sorted(graph.parent.items()))
@@ -161,7 +174,7 @@ def _roots(container: Container, nodes: list[dict[str, Any]]) -> list[Any]:
         if document.get("scenes"):
             return list(document["scenes"][document.get("scene", 0)].get("nodes", []))
         children = {child for node in nodes for child in node.get("children", [])}
-    except (KeyError, IndexError, TypeError, AttributeError) as error:
+    except MALFORMED as error:
         raise FormatError(
             container.path, "scenes", f"are malformed ({error!r}); save the file again"
         ) from error

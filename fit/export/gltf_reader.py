@@ -73,12 +73,8 @@ def read_gltf(path: Path, notes: list[str]) -> PrimitiveSet:
     graph = read_graph(container)
     sets = []
     for found in _find(graph):
-        try:
+        with graph.reading(found.node):
             one = _read_primitive(graph, found, notes)
-        except FormatError:
-            raise
-        except (KeyError, IndexError, TypeError, AttributeError, ValueError) as error:
-            raise graph.error(found.node, f"is no valid primitive: {error}") from error
         sets += [] if one is None else [one]
     if not sets and not is_ours(container.document):
         raise FormatError(
@@ -97,10 +93,11 @@ def _find(graph: Graph) -> list[Found]:
     for node in graph.parent:
         if "mesh" not in graph.nodes[node]:
             continue
-        owner = _owner(graph, node)
-        if _shown_kind(graph, node, owner) is not None:
-            found.append(Found(owner, node))
-            shows |= set() if owner is None else {owner}
+        with graph.reading(node):
+            owner = _owner(graph, node)
+            if _shown_kind(graph, node, owner) is not None:
+                found.append(Found(owner, node))
+                shows |= set() if owner is None else {owner}
     found += [Found(node, None) for node in graph.parent if _owns(graph, node) and node not in shows]
     return sorted(found, key=lambda f: f.node)
 
