@@ -36,6 +36,9 @@ OUTSIDE_FRONT = 0.4
 
 Measured: objects, courtyards and houses 0.68 to 1.00; the far side of a room's walls 0.01 to 0.07."""
 
+ROOMS_VOLUME = 0.1
+"""Rooms of less than this share of the grid never shut the outside out."""
+
 POCKET_BACK = 0.7
 """From this share of directions that end on the back of a face, a point counts as inside something."""
 
@@ -118,7 +121,7 @@ def find_air(
         pockets = _split_pockets(air, tuple(space.number for space in spaces))
         taken = _spaces_of_seeds(air, seeds)
     else:
-        taken = _spaces_with_evidence(spaces)
+        taken = _spaces_with_evidence(spaces, air.label.size)
         pockets = _split_pockets(air, tuple(taken))
         taken |= {place: "a camera is in it" for _, place in _inhabitants(air, scene)[0] if place in pockets}
     return _with_decision(air, spaces, pockets, taken)
@@ -198,7 +201,7 @@ def _inhabitants(air: Air, scene: Scene | None) -> tuple[list[tuple[str, int]], 
     return list(zip(names, places[: len(cameras)], strict=True)), places[len(cameras) :]
 
 
-def _spaces_with_evidence(spaces: list[_Space]) -> dict[int, str]:
+def _spaces_with_evidence(spaces: list[_Space], grid_cells: int) -> dict[int, str]:
     """Numbers of the spaces that are air, with the reason."""
     taken: dict[int, str] = {}
     for space in spaces:
@@ -209,10 +212,11 @@ def _spaces_with_evidence(spaces: list[_Space]) -> dict[int, str]:
     outside = next(space for space in spaces if space.number == OUTSIDE)
     if OUTSIDE in taken:
         return taken
+    found = sum(space.cells for space in spaces if space.number in taken)
     if outside.front >= OUTSIDE_FRONT:
         taken[OUTSIDE] = "surfaces face it"
-    elif not taken:
-        taken[OUTSIDE] = "nothing speaks for another space"
+    elif found < ROOMS_VOLUME * grid_cells:
+        taken[OUTSIDE] = "nothing of size speaks for another space"
     return taken
 
 

@@ -20,6 +20,9 @@ BRANCHES = 4
 _PIECES_PER_DIAGONAL = 64
 """Triangles longer than this share of the diagonal enter the tree in pieces, so that boxes stay tight."""
 
+_TINY = float(np.finfo(float).tiny)
+"""Keeps the triangles that rounding has flattened from dividing by zero: they count as segments or points."""
+
 _MAX_EXTRA_PIECES = 300_000
 
 _PAIRS_PER_CHUNK = 1 << 18
@@ -193,12 +196,12 @@ def plane_frames(corners: Float64) -> Float64:
     a = corners[:, 0]
     ab, ac = corners[:, 1] - a, corners[:, 2] - a
     length = _length(ab)
-    x = ab / length[:, None]
+    x = ab / np.maximum(length, _TINY)[:, None]
     cx = _dot(ac, x)
     y = ac
     for _ in range(2):  # twice: one pass leaves the axes of a sliver askew
         y = y - _dot(y, x)[:, None] * x
-        y /= np.maximum(_length(y), np.finfo(float).tiny)[:, None]
+        y /= np.maximum(_length(y), _TINY)[:, None]
     cy = _dot(ac, y)
     return np.concatenate([a, x, y, length[:, None], cx[:, None], cy[:, None]], axis=1)
 
@@ -220,8 +223,8 @@ def squared_distances(points: Float64, frames: Float64, triangle: Int64) -> Floa
 
 
 def _squared_to_segment(x: Float64, y: Float64, ex: Float64, ey: Float64 | float) -> Float64:
-    """Squared distance of (x, y) to the segment from the origin to (ex, ey), not of zero length."""
-    t = np.clip((x * ex + y * ey) / (ex * ex + ey * ey), 0, 1)
+    """Squared distance of (x, y) to the segment from the origin to (ex, ey)."""
+    t = np.clip((x * ex + y * ey) / np.maximum(ex * ex + ey * ey, _TINY), 0, 1)
     return (x - t * ex) ** 2 + (y - t * ey) ** 2
 
 

@@ -18,7 +18,7 @@ PADDING_CELLS = 5
 
 MAX_CELLS = 12_000_000
 
-_TRIANGLES_PER_CHUNK = 1 << 16
+_PIECES_PER_CHUNK = 1 << 16
 _PAIRS_PER_CHUNK = 1 << 18
 
 
@@ -70,8 +70,12 @@ def solid_cells(grid: Grid, vertices: Float64) -> Bool:
     one of its ends lies within half a cell of the crossing: so no step between free cells crosses any.
     """
     solid = np.zeros(grid.shape, bool)
-    for start in range(0, len(vertices), _TRIANGLES_PER_CHUNK):
-        _mark((vertices[start : start + _TRIANGLES_PER_CHUNK] - grid.origin) / grid.cell, solid)
+    lower, upper = boxes_around(vertices)
+    spans = (upper - lower).max(axis=1) / grid.cell
+    pieces = np.cumsum(1 + spans + 0.5 * spans**2)
+    chunks = np.searchsorted(pieces, np.arange(_PIECES_PER_CHUNK, pieces[-1], _PIECES_PER_CHUNK))
+    for part in np.split(np.arange(len(vertices)), np.unique(chunks)):
+        _mark((vertices[part] - grid.origin) / grid.cell, solid)
     return solid
 
 
@@ -87,10 +91,10 @@ def _mark(corners: Float64, solid: Bool) -> None:
     frames = plane_frames(corners)
     for part in np.array_split(np.arange(len(pairs)), int(pairs.sum()) // _PAIRS_PER_CHUNK + 1):
         member, cells = _cells_of_boxes(low[part], count[part], pairs[part])
-        near = squared_distances((cells + 0.5).astype(np.float64), frames, owner[part][member]) <= 0.25 * (
-            1 + 1e-9
-        )
-        solid[tuple(cells[near].T)] = True
+        free = ~solid[tuple(cells.T)]
+        cells, triangle = cells[free], owner[part][member[free]]
+        squared = squared_distances((cells + 0.5).astype(np.float64), frames, triangle)
+        solid[tuple(cells[squared <= 0.25 * (1 + 1e-9)].T)] = True
 
 
 def _cells_of_boxes(low: Int64, count: Int64, pairs: Int64) -> tuple[Int64, Int64]:

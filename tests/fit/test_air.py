@@ -121,6 +121,12 @@ def test_a_cupboard_in_a_room_stays_shut():
     assert air.is_air(np.array([[0.0, 0, 0], [1, 0, 0]])).tolist() == [True, False]
 
 
+def test_a_small_inverted_thing_does_not_shut_the_outside_out():
+    apart = [turned(box((1, 1, 1), (x, 0, 0))) for x in (-5, 5)]
+    air = find_air(from_triangles(np.concatenate(apart)))
+    assert air.is_air(np.array([[0.0, 0, 0], [9, 9, 9]])).all()
+
+
 # -------------------------------------------------------------------------------------------------- seeds
 
 
@@ -243,15 +249,15 @@ def test_corners_are_touched_too():
 
 def test_random_points_fill_the_room_evenly_and_repeat():
     air = find_air(from_triangles(turned(box(ROOM))), resolution=90)
-    points = air.random_points(20_000, 3)
-    assert points.shape == (20_000, 3)
+    points = air.random_points(8_000, 3)
+    assert points.shape == (8_000, 3)
     # Air ends where no free cell's centre is nearer than the wall: within half a cell of it.
     assert (np.abs(points) < ROOM / 2).all()
-    np.testing.assert_allclose(points.mean(axis=0), 0, atol=0.04)
+    np.testing.assert_allclose(points.mean(axis=0), 0, atol=0.06)
     np.testing.assert_allclose(points.std(axis=0), ROOM / np.sqrt(12), rtol=0.03)
-    np.testing.assert_array_equal(points, air.random_points(20_000, 3))
-    assert not np.array_equal(points, air.random_points(20_000, 4))
-    again, distance = air.random_points_and_distances(20_000, 3)
+    np.testing.assert_array_equal(points, air.random_points(8_000, 3))
+    assert not np.array_equal(points, air.random_points(8_000, 4))
+    again, distance = air.random_points_and_distances(8_000, 3)
     np.testing.assert_array_equal(points, again)
     np.testing.assert_allclose(distance, (ROOM / 2 - np.abs(points)).min(axis=1), atol=1e-9)
 
