@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 DEFAULT_FRAMES = 64
 """Frames until the probes' light has settled, three bounces included."""
 
-SOFTWARE_WHOLE_FRAMES = 8
+SOFTWARE_WHOLE_FRAMES = 4
 """Frames that a software adapter draws whole: enough for a median of the pixels' passes."""
 
 SOFTWARE_PROBES = 1024
