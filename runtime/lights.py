@@ -24,8 +24,8 @@ WIDEST_MAPPED_CONE = np.radians(80)
 """A spot whose half angle is wider gets no shadow map: its perspective would be all stretch."""
 
 DEFAULT_SUN_DIRECTION = (0.35, 1.0, 0.25)
-DEFAULT_SUN_IRRADIANCE = 10.0
-DEFAULT_SKY = (1.0, 1.0, 1.0)
+DEFAULT_SUN_IRRADIANCE = 4.0
+DEFAULT_SKY = (0.5, 0.5, 0.5)
 
 
 class Light(GpuStruct):

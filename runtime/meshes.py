@@ -81,7 +81,7 @@ class SceneMeshes:
         room = max(len(self._order), 1) * Instance.dtype.itemsize
         self._instances = Buffer(gpu, room, "storage", label="instances")
         self._write_instances()
-        self.notes = (*_transmission_note(scene), *self._textures.notes)
+        self.notes = (*_material_notes(scene), *self._textures.notes)
 
     @property
     def triangle_count(self) -> int:
@@ -151,9 +151,12 @@ class SceneMeshes:
         used = _used_meshes(self._scene)
         vertices = [_vertices(self._scene, k, self._centers[k]) for k in used]
         indices = [self._scene.meshes[k].triangles.astype(np.uint32).ravel() for k in used]
-        nothing = [np.zeros(1, VERTEX)], [np.zeros(3, np.uint32)]
-        self._vertices = Buffer(gpu, np.concatenate(vertices or nothing[0]), "vertex", label="vertices")
-        self._indices = Buffer(gpu, np.concatenate(indices or nothing[1]), "index", label="indices")
+        all_vertices = np.concatenate(vertices or [np.zeros(1, VERTEX)])
+        all_indices = np.concatenate(indices or [np.zeros(3, np.uint32)])
+        _check_size(gpu, self._scene, all_vertices, "vertices")
+        _check_size(gpu, self._scene, all_indices, "indices")
+        self._vertices = Buffer(gpu, all_vertices, "vertex", label="vertices")
+        self._indices = Buffer(gpu, all_indices, "index", label="indices")
 
     def _write_instances(self) -> None:
         if not self._order:
@@ -264,6 +267,19 @@ def _resources(
     }
 
 
-def _transmission_note(scene: Scene) -> tuple[str, ...]:
+def _material_notes(scene: Scene) -> tuple[str, ...]:
     clear = sum(material.transmission > 0 for material in scene.materials)
-    return (f"{clear} transmissive materials are not drawn",) * (clear > 0)
+    unlit = sum(material.unlit for material in scene.materials)
+    return (
+        *((f"{clear} transmissive materials are not drawn",) * (clear > 0)),
+        *((f"{unlit} unlit materials are lit like any other",) * (unlit > 0)),
+    )
+
+
+def _check_size(gpu: Gpu, scene: Scene, buffer: np.ndarray, what: str) -> None:
+    limit = gpu.limits["max-buffer-size"]
+    if buffer.nbytes > limit:
+        raise ValueError(
+            f"{scene.source}: {what} take {buffer.nbytes >> 20} MiB, a GPU buffer holds {limit >> 20}: "
+            "simplify the meshes, or draw copies of one mesh as instances"
+        )

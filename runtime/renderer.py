@@ -278,11 +278,9 @@ def _medians(history: Sequence[Mapping[str, float | None]]) -> dict[str, float |
 
 
 def _three_channels(pixels: NDArray[Any]) -> Float32:
-    values = pixels.astype(np.float32)
-    if values.ndim == 2:
-        values = values[..., None]
-    if values.shape[-1] < 3:
-        padding = np.zeros((*values.shape[:-1], 3 - values.shape[-1]), np.float32)
-        values = values if values.shape[-1] == 2 else np.repeat(values, 3, axis=-1)
-        return np.concatenate([values, padding], axis=-1)[..., :3] if values.shape[-1] == 2 else values
-    return values[..., :3]
+    """(height, width[, channels]) as (height, width, 3): one channel is repeated, a missing one is 0."""
+    values = np.atleast_3d(pixels.astype(np.float32))
+    if values.shape[-1] == 1:
+        values = np.repeat(values, 3, axis=-1)
+    missing = max(3 - values.shape[-1], 0)
+    return np.pad(values, ((0, 0), (0, 0), (0, missing)))[..., :3]

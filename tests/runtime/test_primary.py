@@ -11,6 +11,7 @@ import pytest
 from fit.scene import AlphaMode, Camera, TextureUse, Wrap
 from runtime.camera import look_at
 from runtime.lights import Sun
+from runtime.meshes import SceneMeshes
 from runtime.renderer import Renderer
 from runtime.settings import RenderSettings
 from runtime.textures import mipmaps
@@ -208,6 +209,20 @@ def test_transmissive_surfaces_are_left_out_and_told(builder, render_scene):
     result = render_scene(builder.scene(), FRONT, only=("depth",))
     assert result.images["depth"][24, 32, 0] == pytest.approx(4.0, rel=1e-5)
     assert any("transmissive" in note for note in result.notes)
+
+
+def test_unlit_materials_are_lit_and_told(builder, render_scene):
+    builder.quad((-1, -1, 0), (2, 0, 0), (0, 2, 0), unlit=True)
+    result = render_scene(builder.scene(), FRONT, lights=[Sun((0, 0, 1), 2.0)], only=("direct",))
+    assert result.images["direct"][24, 32, 0] == pytest.approx(2 / np.pi, rel=1e-3)
+    assert "1 unlit materials are lit like any other" in result.notes
+
+
+def test_meshes_too_large_for_a_buffer_are_named(gpu, builder):
+    builder.quad((-1, -1, 0), (2, 0, 0), (0, 2, 0))
+    small = replace(gpu, limits={**gpu.limits, "max-buffer-size": 100})
+    with pytest.raises(ValueError, match=r"built\.gltf: vertices take 0 MiB.*simplify"):
+        SceneMeshes(small, builder.scene(), np.zeros(3), 64)
 
 
 def test_large_textures_are_halved_and_told(builder, render_scene):
