@@ -18,6 +18,7 @@ from pipelines.console import Terminal
 from pipelines.errors import UsageError
 from pipelines.machine import package_version
 from pipelines.options import parse_size
+from pipelines.worker import describe_error
 
 OK, FAILED, BAD_USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -57,17 +58,20 @@ def execute(arguments: Sequence[str]) -> int:
         terminal.error("interrupted; what was finished is kept")
         return INTERRUPTED
     except Exception as error:
-        if not _is_foreseen(error):
+        message = _foreseen(error)
+        if message is None:
             raise
-        terminal.error(str(error))
+        terminal.error(message)
         return FAILED
 
 
-def _is_foreseen(error: Exception) -> bool:
-    """Bad input, a full disk, no GPU: the message says it all. Anything else is a fault and shows a trace."""
+def _foreseen(error: Exception) -> str | None:
+    """Bad input, a full disk, no GPU: in words. None for anything else, a fault that shows its trace."""
     from runtime.device import NoAdapter
 
-    return isinstance(error, ValueError | OSError | NoAdapter) and bool(str(error))
+    if isinstance(error, NoAdapter):
+        return str(error)
+    return describe_error(error) if isinstance(error, ValueError | OSError) else None
 
 
 @app.command(name="inspect")

@@ -120,11 +120,11 @@ def _silence_stdout() -> None:
 
 
 def describe_error(error: Exception) -> str:
-    """The message of an expected error (bad input); the kind, message and place of any other."""
-    if isinstance(error, ValueError | OSError) and str(error):
-        return str(error)
+    """The message of bad input; where it may be a fault, with the place in the code and the error's kind."""
     frame = error.__traceback__
     while frame is not None and frame.tb_next is not None:
         frame = frame.tb_next
-    place = f" at {os.path.basename(frame.tb_frame.f_code.co_filename)}:{frame.tb_lineno}" if frame else ""
-    return f"{type(error).__name__}: {error}{place}"
+    place = f"{os.path.basename(frame.tb_frame.f_code.co_filename)}:{frame.tb_lineno}" if frame else "?"
+    if isinstance(error, ValueError | OSError) and str(error):
+        return f"{error} ({place})" if type(error) is ValueError else str(error)
+    return f"{type(error).__name__}: {error} ({place})"

@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from fit import export
+from fit.primitives import make_box
 from pipelines import convert
 from pipelines.convert import ConvertSettings
 from pipelines.machine import package_version
@@ -128,6 +130,17 @@ def test_a_failed_conversion_is_exit_code_1_and_json_alone_is_on_stdout(
     assert ran.code == 1
     assert ran.report["assets"][0]["status"] == "failed"
     assert "broken: load" in ran.err
+
+
+def test_no_gpu_is_exit_code_1_and_names_the_remedy(
+    sdfprim: Callable[..., Any], wall: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SDFPRIM_ADAPTER", "no such card")
+    export.write(make_box((0, 0, 0), (1, 1, 1)), tmp_path / "set.npz")
+    ran = sdfprim("render", wall, "--set", tmp_path / "set.npz", "-o", tmp_path / "a.png")
+    assert ran.code == 1
+    assert "no such card" in ran.err or "apt-get install" in ran.err
+    assert "Traceback" not in ran.err
 
 
 def test_help_and_version(sdfprim: Callable[..., Any]) -> None:

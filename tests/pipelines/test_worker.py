@@ -21,7 +21,9 @@ def work(number, progress):
     progress("halfway", 0.5)
     return number + 1
 def fail(progress):
-    raise ValueError("scene.glb: no triangles; give one that has some")
+    raise FileNotFoundError("scene.bin is missing; put it beside scene.gltf")
+def reject(progress):
+    raise ValueError("nothing stops light")
 def stumble(progress):
     return {}["missing"]
 def crash(progress):
@@ -64,12 +66,17 @@ def test_result_and_progress(jobs: Any) -> None:
 
 def test_an_expected_error_is_its_message(jobs: Any) -> None:
     outcome = run_isolated(jobs.fail, timeout=60)
-    assert outcome.error == "scene.glb: no triangles; give one that has some"
+    assert outcome.error == "scene.bin is missing; put it beside scene.gltf"
+
+
+def test_a_general_error_also_names_its_place(jobs: Any) -> None:
+    outcome = run_isolated(jobs.reject, timeout=60)
+    assert outcome.error == "nothing stops light (isolated_jobs.py:9)"
 
 
 def test_a_fault_is_told_with_its_place(jobs: Any) -> None:
     outcome = run_isolated(jobs.stumble, timeout=60)
-    assert outcome.error == "KeyError: 'missing' at isolated_jobs.py:9"
+    assert outcome.error == "KeyError: 'missing' (isolated_jobs.py:11)"
 
 
 def test_a_crash_names_signal_and_stage(jobs: Any) -> None:
