@@ -36,6 +36,7 @@ class PlaceSettings(GpuStruct):
     reach: f32
     smallest_clearance: f32
     jump: f32
+    attraction: f32
 
 
 class UpdateSettings(GpuStruct):
@@ -83,19 +84,22 @@ class SdfddgiSettings:
     bounce: float = 1.0
     max_ray_distance: float = 1e30
     history_frames: float = 256.0
-    settling_frames: int = 24
-    settling_history: float = 5.0
-    clearance: float = 0.25
+    settling_frames: int = 64
+    settling_history: float = 4.0
+    clearance: float = 0.12
     clearance_limit: float = 0.25
     smallest_clearance: float | None = None
     relocation: float = 0.45
+    attraction: float = 0.7
     jump: float = 0.1
     softness: float = 0.02
     seed: int = 0
 
     def __post_init__(self) -> None:
         if self.rays_per_probe < RAYS_AT_ONCE or self.rays_per_probe % RAYS_AT_ONCE:
-            raise ValueError(f"rays_per_probe is {self.rays_per_probe}; it must be a multiple of {RAYS_AT_ONCE}")
+            raise ValueError(
+                f"rays_per_probe is {self.rays_per_probe}; it must be a multiple of {RAYS_AT_ONCE}"
+            )
         if not 0 <= self.bounce <= 1:
             raise ValueError(f"bounce is {self.bounce}; it must be between 0 and 1")
         if min(self.history_frames, self.settling_history) < 1 or self.fresh_factor < 1:
@@ -173,7 +177,9 @@ class Sdfddgi:
 
     @property
     def memory(self) -> int:
-        return self.probes.memory + self._histories.size + self._place_settings.size + self._update_settings.size
+        return (
+            self.probes.memory + self._histories.size + self._place_settings.size + self._update_settings.size
+        )
 
     def _write_settings(self, frame: FrameLight) -> None:
         s, spacing = self.settings, self.grid.spacing
@@ -205,6 +211,7 @@ class Sdfddgi:
                 reach=s.relocation * spacing,
                 smallest_clearance=smallest,
                 jump=s.jump * spacing,
+                attraction=s.attraction * spacing,
             )
         )
 

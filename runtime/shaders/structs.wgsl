@@ -121,6 +121,7 @@ struct PlaceSettings {  // 48 bytes
     reach: f32,               // 32
     smallest_clearance: f32,  // 36
     jump: f32,                // 40
+    attraction: f32,          // 44
 }
 
 struct UpdateSettings {  // 40 bytes

@@ -1,21 +1,32 @@
-"""The stage on which the shared tests play: a world of primitives, a sky, lights and one technique, without pictures."""
+"""The stage on which the shared tests play: a world of primitives, a sky, lights and one technique, no pictures.
+
+Every test that takes the fixture `technique` runs for every technique that has indirect light.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from fit.primitives import PrimitiveSet
-from runtime import technique
-from runtime.device import Gpu, NoAdapter, open_device
+from fit.primitives import PrimitiveSet, make_box
+from runtime import technique as techniques
+from runtime.device import Gpu
 from runtime.direct import LightMaps
 from runtime.encoder import Recorder
+from runtime.probes import ProbeGrid
+from runtime.sdfddgi import SdfddgiSettings
 from runtime.settings import ShadowSettings
 from runtime.sky import Sky, SkyMap
 from runtime.technique import FrameLight, Gather
 from runtime.world import World, WorldSettings
+
+WITH_LIGHT = [name for name in techniques.TECHNIQUES if name != "none"]
+
+SETTINGS: dict[str, Callable[..., Any]] = {"sdfddgi": SdfddgiSettings}
+"""How each technique is told its probe grid (`grid`), rays (`rays_per_probe`), share of bounces (`bounce`)."""
 
 
 class Stage:
@@ -30,25 +41,26 @@ class Stage:
         sky: Sky | None = None,
         lights: tuple[Any, ...] = (),
         world: WorldSettings | None = None,
+        origin: Any = None,
     ) -> None:
-        self.gpu = gpu
-        self.world = World(gpu, None, primitives, settings=world)
-        self.technique = technique.create(name, gpu, self.world, settings)
+        self.world = World(gpu, None, primitives, origin, world)
+        self.technique = techniques.create(name, gpu, self.world, settings)
+        self._gpu = gpu
         self._gather = Gather(gpu, self.world, self.technique)
         self._sky = SkyMap(gpu, sky or Sky())
         self._lights = LightMaps(gpu, self.world.origin, ShadowSettings(), None)
         self._lights.set(lights)
         self._light_version = 0
-        self.frame = 0
+        self._frame = 0
 
     def run(self, frames: int = 1) -> Stage:
         for _ in range(frames):
-            rec = Recorder(self.gpu)
+            rec = Recorder(self._gpu)
             self.world.record(rec)
             bindings = {**self._sky.bindings(), **self._lights.bindings()}
-            self.technique.record(rec, FrameLight(self.frame, bindings, self._light_version))
+            self.technique.record(rec, FrameLight(self._frame, bindings, self._light_version))
             rec.submit()
-            self.frame += 1
+            self._frame += 1
         return self
 
     def set_lights(self, *lights: Any) -> None:
@@ -63,17 +75,87 @@ class Stage:
         return self._gather.irradiance(points, normals)
 
 
-@pytest.fixture(scope="session")
-def gi_gpu() -> Gpu:
-    try:
-        return open_device()
-    except NoAdapter as missing:
-        pytest.skip(f"no GPU adapter: {missing}")
+@pytest.fixture(params=WITH_LIGHT)
+def technique(request: pytest.FixtureRequest) -> str:
+    """Name of each technique in turn."""
+    return str(request.param)
 
 
 @pytest.fixture
-def make_stage(gi_gpu: Gpu):
-    def make(name: str, primitives: PrimitiveSet, settings: Any = None, **rest: Any) -> Stage:
-        return Stage(gi_gpu, name, primitives, settings, **rest)
+def make_stage(gpu: Gpu):
+    """Stage of a technique; keywords that are no argument of `Stage` are the technique's settings."""
+
+    def make(
+        name: str, primitives: PrimitiveSet, *, sky=None, lights=(), world=None, origin=None, **settings: Any
+    ) -> Stage:
+        return Stage(gpu, name, primitives, SETTINGS[name](**settings), sky, lights, world, origin)
+
+    return make
+
+
+def _panels(walls: float, size: float, opening: bool) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
+    """Centres and sizes of a cubic room's walls; the opening is 2 m high and 1 m wide in the middle of +x."""
+    half, outer = size / 2, size / 2 + walls
+    panels = []
+    for axis in range(3):
+        for side in (1, -1):
+            if opening and (axis, side) == (0, 1):
+                continue
+            centre, extent = [0.0] * 3, [2 * outer] * 3
+            centre[axis], extent[axis] = side * (half + walls / 2), walls
+            panels.append((tuple(centre), tuple(extent)))
+    if opening:
+        x, above, beside = half + walls / 2, outer - 1.0, outer - 0.5
+        for side in (1, -1):
+            panels.append(((x, side * (1.0 + above / 2), 0.0), (walls, above, 2 * outer)))
+            panels.append(((x, 0.0, side * (0.5 + beside / 2)), (walls, 2.0, beside)))
+    return panels
+
+
+@pytest.fixture(scope="session")
+def make_room():
+    """A room, 3 m inside unless told, of boxes: `walls` metres thick, one albedo and emission, with an opening."""
+
+    def make(
+        walls: float, *, albedo: float = 0.5, emission: float = 0.0, opening: bool = False, size: float = 3.0
+    ) -> PrimitiveSet:
+        return PrimitiveSet.concatenate(
+            [
+                make_box(centre, extent, albedo=[albedo] * 3, emission=[emission] * 3)
+                for centre, extent in _panels(walls, size, opening)
+            ]
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def inner_surface():
+    """Points uniform by area on the inner surface of a cubic room, and their inward normals."""
+
+    def sample(count: int, *, opening: bool = False, size: float = 3.0, seed: int = 0):
+        rng = np.random.default_rng(seed)
+        points = rng.uniform(-size / 2, size / 2, (count, 3))
+        face = rng.integers(0, 6, count)
+        axis, side = face // 2, np.where(face % 2, -1.0, 1.0)
+        rows = np.arange(count)
+        points[rows, axis] = side * size / 2
+        normals = np.zeros((count, 3))
+        normals[rows, axis] = -side
+        in_opening = (face == 0) & (np.abs(points[:, 1]) < 1.0) & (np.abs(points[:, 2]) < 0.5)
+        keep = ~in_opening if opening else np.ones(count, bool)
+        return points[keep], normals[keep]
+
+    return sample
+
+
+@pytest.fixture(scope="session")
+def grid_over():
+    """Probes `spacing` metres apart over a cube of `size` metres about 0, moved by `offset` spacings."""
+
+    def make(spacing: float, *, size: float = 3.4, offset: tuple[float, ...] = (0, 0, 0)) -> ProbeGrid:
+        count = int(np.ceil(size / spacing)) + 2
+        x, y, z = (spacing * (o - (count - 1) / 2) for o in offset)
+        return ProbeGrid((x, y, z), spacing, (count, count, count))
 
     return make

@@ -90,10 +90,14 @@ fn march_ray(origin: vec3f, direction: vec3f, reach: f32) -> Arrival {
             }
             stride = world.hit_distance;
         }
-        if is_approaching && nearest.distance > before {
-            arrival.clearance = min(arrival.clearance, before / t);
+        if nearest.distance > before || is_bound {
+            if is_approaching {
+                arrival.clearance = min(arrival.clearance, before / t);
+            }
+            is_approaching = false;
+        } else if step > 1u && nearest.distance < before {
+            is_approaching = true;
         }
-        is_approaching = step > 1u && nearest.distance < before && !is_bound;
         before = select(nearest.distance, 0.0, is_bound);
         t += stride;
         arrival.steps = step;

@@ -1,8 +1,10 @@
-// Finds a place for every probe (SDFDDGI, Fig. 5): its grid position, or, where that is nearer to a primitive than the
-// clearance, the best position that ascending the distance leads to. A probe that stays too near, or that finds itself
-// inside a primitive, is off; one that jumps loses its history.
+// Finds a place for every probe (SDFDDGI, section 3.2 and Fig. 5). A node of the grid that is nearer to a primitive
+// than the clearance ascends the distance to the best position in reach; one that is a little farther descends to the
+// clearance, since what lights a wall is known best near the wall. A probe that stays too near, or finds itself inside
+// a primitive, is off; one that jumps loses its history.
 
 import package::lib::candidates::{nearest_primitive};
+import package::lib::march::{trace_visibility};
 import package::lib::primitives::{shape_gradient};
 import package::structs::{PlaceSettings, ProbeHistory, ProbeRecord};
 import package::world::bindings::{world, world_shape};
@@ -19,6 +21,15 @@ fn place_probe(start: vec3f) -> vec4f {
     var position = start;
     var nearest = nearest_primitive(position);
     var best = vec4f(position, nearest.distance);
+    let surplus = nearest.distance - settings.clearance;
+    if surplus > 0.0 && surplus < settings.attraction {
+        let uphill = shape_gradient(world_shape(nearest.primitive), position);
+        // Only where the next probe stands on the other side: a lone probe serves the whole gap best from where it is.
+        // The ball around the node is free, so on the way down nothing is crossed.
+        if trace_visibility(position, uphill, settings.spacing) > 0.0 {
+            return vec4f(position - uphill * surplus, settings.clearance);
+        }
+    }
     for (var step = 0u; step < PLACE_STEPS && nearest.distance < settings.clearance; step++) {
         let uphill = shape_gradient(world_shape(nearest.primitive), position);
         position += uphill * (settings.clearance - nearest.distance) * 1.05;
