@@ -125,14 +125,10 @@ def test_a_result_may_not_replace_an_input(sdfprim: Callable[..., Any], wall: Pa
 
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
 def test_an_interrupt_keeps_what_is_finished(wall: Path, bundled_assets: Path, tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        "-c",
-        "from pipelines.cli import main; main()",
-        "convert",
-        "--max-primitives",
-        "4",
-    ]
+    program = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); " + (
+        "from pipelines.cli import main; main()"
+    )
+    command = [sys.executable, "-c", program, "convert", "--max-primitives", "4"]
     files = [str(wall), str(bundled_assets / "atrium.glb")]
     process = subprocess.Popen(
         [*command, *files, "-o", str(tmp_path)], cwd=bundled_assets.parent, stderr=subprocess.PIPE, text=True

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -114,7 +115,15 @@ def test_peak_memory_is_the_job_s_own(jobs: Any) -> None:
     assert large.peak_rss_mb > small.peak_rss_mb + 190
 
 
-def test_an_interrupt_ends_the_worker(jobs: Any) -> None:
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """SIGINT as in a terminal; a shell's background jobs ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_an_interrupt_ends_the_worker(jobs: Any, interruptible: None) -> None:
     def interrupt(stage: str, share: float) -> None:
         os.kill(os.getpid(), signal.SIGINT)
 
