@@ -42,7 +42,7 @@ def shared_assets() -> Path:
 
 @pytest.fixture(scope="session")
 def gpu():
-    """An open GPU, a software one too; the test is skipped where there is none, and the reason is the remedy."""
+    """An open GPU, a software one too; skipped where there is none, and the reason is the remedy."""
     from runtime.device import NoAdapter, open_device
 
     try:
