@@ -135,13 +135,17 @@ class Studio:
             settings = replace(settings, technique=SdfddgiSettings(max_probes=SOFTWARE_PROBES))
         return replace(settings, size=self.size, gi=technique, exposure=self.exposure)
 
+    def _emission(self) -> list[str]:
+        names = [repr(material.name) for material in self.scene.materials if any(material.emission)]
+        return [f"emission of {', '.join(names)}"] if names else []
+
     def describe(self) -> dict[str, Any]:
         """A report's keys on adapter, camera and light."""
         return {
             "adapter": self.gpu.adapter_summary,
             "software_adapter": self.gpu.is_software,
             "camera": self.view.origin,
-            "lights": list(self.illumination.describe()),
+            "lights": [*self.illumination.describe(), *self._emission()],
             "size": self.size,
             "preview": f"at most {SOFTWARE_PROBES} probes" if self.gpu.is_software else None,
             "exposure": self.exposure,

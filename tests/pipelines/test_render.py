@@ -16,7 +16,7 @@ from fit.primitives import PrimitiveSet, make_box
 from fit.scene import Scene
 from fit.spaces import AirSpace
 from pipelines.errors import UsageError
-from pipelines.studio import LightingOptions
+from pipelines.studio import LightingOptions, Studio
 from pipelines.views import choose_view
 from runtime.images import read_layers
 from runtime.views import AOV_LAYERS
@@ -153,6 +153,12 @@ def test_lighting(scene: Scene) -> None:
     assert only_sky.sky.base == (1, 1, 2)
     both = LightingOptions(sun="0,1,0,3", keep_file_lights=True).choose(scene)
     assert len(both.lights) == 2
+
+
+def test_emission_is_among_the_lights(bundled_assets: Path, gpu: Any) -> None:
+    cornell = gltf.load(bundled_assets / "cornell.glb")
+    studio = Studio.set_up(cornell, None, LightingOptions(), (8, 8), 0.0)
+    assert studio.describe()["lights"] == ["no sky", "emission of 'lamp'"]
 
 
 def test_near_plane_follows_the_scene_s_size(scene: Scene) -> None:
