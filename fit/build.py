@@ -27,7 +27,7 @@ SIZES = (4, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)
 SEEDS = 400
 """Surface points, drawn by the error there, that boxes are grown from in a round."""
 
-TELEPORTS = 3
+TELEPORTS = 2
 """Rounds at the final size, each of which may move the least useful tenth to where the error is largest."""
 
 EVALUATIONS = 60

@@ -52,6 +52,8 @@ def fit_parts(
         rows = order[limits[part] : limits[part + 1]]
         piece = Piece(walls.vertices[rows], walls.normals[rows], walls.areas[rows])
         found = recognize(piece)
+        if len(found) and air_inside(found, air) > MOST_AIR_INSIDE:
+            found = no_shapes()  # a room, or a hollow shell
         if len(found) == 0:
             own = np.flatnonzero(part_of_target == part)
             found = _best_kind(piece, _part_targets(targets, own, piece), air)
@@ -100,7 +102,9 @@ def _best_kind(piece: Piece, targets: Targets, air: Air) -> Shapes:
 def air_inside(shape: Shapes, air: Air) -> float:
     """Share of one shape's volume that is free air, by points on a regular grid of its local box."""
     steps = (np.arange(_INSIDE_STEPS) + 0.5) / _INSIDE_STEPS * 2 - 1
-    local = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3) * shape.halves[0]
+    local = (
+        np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3) * shape.halves[0]
+    )
     points = shape.centers[0] + local @ shape.frames[0].T
     points = points[distances_to_one(shape, 0, points) <= 0]
     cells = air.grid.cells_of(points)

@@ -10,8 +10,8 @@ from fit.primitives import Kind
 from fit.scene import Float64
 from fit.shapes import Shapes, distances_to_one, join, make_shapes, no_shapes, right_handed
 
-_ON_SURFACE = 1e-4
-"""Of the size: how far a vertex of an exact primitive may lie off it (files keep float32, or 16 bits)."""
+_ON_SURFACE = 4e-4
+"""Of the size: how far a vertex of an exact primitive may lie off it (files keep 12 bits and more)."""
 
 _AREA_OF_BOX, _AREA_OF_ROUND = 0.01, 0.12
 """Missing or surplus area of an exact primitive; a tessellated round one has less (8 segments: 10 %)."""
@@ -20,6 +20,8 @@ _SAGITTA = 0.08
 """Of the radius: how far a chord of an exact round primitive may lie inside it (8 segments: 7.6 %)."""
 
 _PARALLEL = 0.999
+
+_EDGES_TRIED = 32
 
 
 @dataclass(frozen=True)
@@ -104,12 +106,27 @@ def normal_frame(piece: Piece) -> Float64:
     if across.any():
         second = _mean_direction(piece, directions[across][np.argmax(weights[across])])
     else:
-        flat = piece.vertices - piece.vertices.mean(axis=0)
-        flat -= np.outer(flat @ first, first)
-        second = np.linalg.eigh(flat.T @ flat)[1][:, 2]
-        if abs(second @ first) > 0.5:
-            second = np.eye(3)[np.argmin(np.abs(first))]
+        second = _tightest_edge(piece, first)
     return right_handed(np.stack([first, second], axis=1))
+
+
+def _tightest_edge(piece: Piece, normal: Float64) -> Float64:
+    """Among the longest edges across `normal`, the one along which the bounding rectangle is smallest.
+
+    The smallest rectangle around a convex polygon shares an edge with it (Freeman and Shapira 1975).
+    """
+    edges = (piece.corners - np.roll(piece.corners, 1, axis=1)).reshape(-1, 3)
+    edges -= np.outer(edges @ normal, normal)
+    lengths = np.linalg.norm(edges, axis=1)
+    longest = np.argsort(-lengths, kind="stable")[:_EDGES_TRIED]
+    longest = longest[lengths[longest] > 0]
+    if len(longest) == 0:
+        return np.eye(3)[np.argmin(np.abs(normal))]
+    along = edges[longest] / lengths[longest, None]
+    rectangles = np.ptp(piece.vertices @ along.T, axis=0) * np.ptp(
+        piece.vertices @ np.cross(normal, along).T, axis=0
+    )
+    return along[int(np.argmin(rectangles))]
 
 
 def _leading_sign(vectors: Float64) -> Float64:

@@ -13,6 +13,9 @@ from fit.shapes import PARAMETERS, Shapes, distances_to_one, moved, pair_derivat
 NEAREST = 4
 """Shapes that may become a target's nearest one while the optimiser moves them."""
 
+LEAST_TARGETS, TARGETS_PER_SHAPE = 3000, 300
+"""Of the targets that one descent looks at; whether it is kept is decided on all of them."""
+
 MOST_STEPS = 2.0
 """Largest steps that a face moves by: its centre's and its extent's together."""
 
@@ -56,6 +59,7 @@ def refine(
 def _descend(
     shapes: Shapes, targets: Targets, free: NDArray[np.bool_], max_step: float, evaluations: int
 ) -> Shapes:
+    targets = _thinned(targets, max(LEAST_TARGETS, TARGETS_PER_SHAPE * int(free.sum())))
     point, shape = _pairs_that_matter(shapes, targets, max_step)
     if len(point) == 0:
         return shapes
@@ -105,6 +109,11 @@ def _descend(
     start = np.clip(best_x, lower[moving].ravel(), upper[moving].ravel())
     optimizer.optimize(start)
     return moved(shapes, steps(best_x))
+
+
+def _thinned(targets: Targets, most: int) -> Targets:
+    """At most about `most` targets, evenly out of the given order: a few shapes need no more."""
+    return targets.select(np.arange(0, len(targets), max(1, -(-len(targets) // most))))
 
 
 def _pairs_that_matter(
