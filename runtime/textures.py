@@ -20,10 +20,7 @@ _LINEAR_FROM_BYTE = color_linear_from_srgb(np.arange(256) / 255).astype(np.float
 
 
 class TextureLibrary:
-    """Uploads a scene's textures on demand, each image once for each colour space, and hands out samplers.
-
-    `notes` tells which images were too large and were halved.
-    """
+    """Uploads a scene's textures on demand, each image once for each colour space, and hands out samplers."""
 
     def __init__(self, gpu: Gpu, scene: Scene, max_size: int) -> None:
         self._gpu = gpu
@@ -34,7 +31,7 @@ class TextureLibrary:
         self._white = resources.Texture(
             gpu, (1, 1), "rgba8unorm", "sample", data=np.full((1, 1, 4), 255, np.uint8), label="white"
         )
-        self.notes: list[str] = []
+        self._halved: dict[int, tuple[int, int]] = {}
 
     def get(self, use: TextureUse | None, *, srgb: bool) -> tuple[resources.Texture, Sampler]:
         """The texture and sampler of a use; a white texel for none."""
@@ -45,6 +42,17 @@ class TextureLibrary:
         if key not in self._textures:
             self._textures[key] = self._upload(texture.image, srgb)
         return self._textures[key], self._sampler(texture)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Which images were too large."""
+        if not self._halved:
+            return ()
+        width, height = max(self._halved.values(), key=max)
+        return (
+            f"{len(self._halved)} images are halved until they fit into {self._max_size} texels a side; "
+            f"the largest has {width} x {height}",
+        )
 
     @property
     def bytes(self) -> int:
@@ -61,9 +69,8 @@ class TextureLibrary:
         while max(levels[0].shape[:2]) > self._max_size and len(levels) > 1:
             levels.pop(0)
         (height, width), (full_height, full_width) = levels[0].shape[:2], source.pixels.shape[:2]
-        if width != full_width or height != full_height:
-            name = source.name or f"image {image}"
-            self.notes.append(f"{name} is used at {width} x {height} instead of {full_width} x {full_height}")
+        if (width, height) != (full_width, full_height):
+            self._halved[image] = (full_width, full_height)
         texture = resources.Texture(
             self._gpu,
             (width, height),
