@@ -4,7 +4,7 @@
 // crosses it. All primitives are convex: a ray that starts by leaving one never meets it again, so that one is left
 // out, and rays that graze the surface they start from take long steps at once.
 
-import package::lib::candidates::{Nearest, nearest_finite, world_distance};
+import package::lib::candidates::{Nearest, nearest_finite, nearest_primitive, world_distance};
 import package::lib::primitives::{decode_albedo, decode_emission, shape_face, shape_gradient};
 import package::world::bindings::{FAR, NO_PRIMITIVE, primitives, world, world_shape};
 
@@ -17,6 +17,9 @@ const MARCH_STEPS: u32 = 128u;
 const START_STEPS: u32 = 8u;
 const START_HAIR: f32 = 0.125;
 const START_GAIN: f32 = 0.9;
+
+// Smallest cosine between a surface's normal and the face through which a point of it leaves a primitive.
+const START_BACK: f32 = -0.3;
 
 struct Hit {
     t: f32,
@@ -156,11 +159,21 @@ fn trace_soft_visibility(origin: vec3f, direction: vec3f, reach: f32, softness: 
     return smoothstep(0.0, softness, arrival.clearance);
 }
 
-// Where to start looking from a point of a surface that may lie inside a primitive or too near to one: the point
-// moved along its normal until `world.start_margin` is free around it, or as much as the gap there has. Every stride
-// stays inside the solid that holds the point or inside the ball that is free around it, so no wall is ever crossed.
-// w = 0 when `world.start_limit` metres lead to no free place.
+// Where to start looking from a point of a surface that may lie inside a primitive or too near to one; w = 0 when
+// `world.start_limit` metres lead to no free place. Along the normal is the first choice; the side of a moulding or a
+// reveal, though, looks along the wall that the primitives merge it with, and leaves it through the nearest face.
 fn trace_start(position: vec3f, normal: vec3f) -> vec4f {
+    let start = march_out_along_normal(position, normal);
+    if start.w > 0.0 {
+        return start;
+    }
+    return march_out_through_faces(position, normal);
+}
+
+// The point moved along its normal until `world.start_margin` is free around it, or as much as the gap there has.
+// Every stride stays inside the solid that holds the point or inside the ball that is free around it, so no wall is
+// ever crossed.
+fn march_out_along_normal(position: vec3f, normal: vec3f) -> vec4f {
     let hair = START_HAIR * world.start_margin;
     var moved = 0.0;
     var distance = world_distance(position);
@@ -177,4 +190,23 @@ fn trace_start(position: vec3f, normal: vec3f) -> vec4f {
         distance = onwards;
     }
     return vec4f(position + normal * moved, select(0.0, 1.0, distance > 0.0));
+}
+
+// The point pushed out of one primitive after the other through the face nearest to it, never through one that looks
+// away from its own side.
+fn march_out_through_faces(position: vec3f, normal: vec3f) -> vec4f {
+    let hair = START_HAIR * world.start_margin;
+    var place = position;
+    for (var step = 0u; step < START_STEPS; step++) {
+        let nearest = nearest_primitive(place);
+        if nearest.distance > 0.0 {
+            return vec4f(place, 1.0);
+        }
+        let outward = shape_gradient(world_shape(nearest.primitive), place);
+        place += outward * (hair - nearest.distance);
+        if dot(outward, normal) < START_BACK || distance(place, position) > world.start_limit {
+            break;
+        }
+    }
+    return vec4f(place, 0.0);
 }
