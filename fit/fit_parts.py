@@ -16,7 +16,7 @@ from fit.split import Parts
 
 _INSIDE_STEPS = 14
 
-MOST_PARTS = 256
+MOST_PARTS = 128
 """Parts fitted on their own, those of the largest projected area; the others are left to the growing."""
 
 MOST_TARGETS = 400

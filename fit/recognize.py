@@ -10,8 +10,8 @@ from fit.primitives import Kind
 from fit.scene import Float64
 from fit.shapes import Shapes, distances_to_one, join, make_shapes, no_shapes, right_handed
 
-_ON_SURFACE = 4e-4
-"""Of the size: how far a vertex of an exact primitive may lie off it (files keep 12 bits and more)."""
+_ON_BOX, _ON_ROUND = 4e-4, 4e-3
+"""Of the size: how far a vertex of an exact primitive may lie off it: files keep 12 bits, some round ones 8."""
 
 _AREA_OF_BOX, _AREA_OF_ROUND = 0.01, 0.12
 """Missing or surplus area of an exact primitive; a tessellated round one has less (8 segments: 10 %)."""
@@ -65,10 +65,11 @@ def _is_exact(candidates: Shapes, which: int, piece: Piece) -> bool:
     if halves.min() <= 1e-3 * halves.max():
         return False
     size = float(np.linalg.norm(halves))
-    if np.abs(distances_to_one(candidates, which, piece.vertices)).max() > _ON_SURFACE * size:
+    off = (_ON_BOX if kind is Kind.BOX else _ON_ROUND) * size
+    if np.abs(distances_to_one(candidates, which, piece.vertices)).max() > off:
         return False
     middles = np.abs(distances_to_one(candidates, which, piece.corners.mean(axis=1)))
-    sagitta = _ON_SURFACE * size if kind is Kind.BOX else _SAGITTA * halves[0]
+    sagitta = off if kind is Kind.BOX else _SAGITTA * halves[0]
     tolerance = _AREA_OF_BOX if kind is Kind.BOX else _AREA_OF_ROUND
     ratio = piece.areas.sum() / boundary_area(kind, halves)
     return bool(middles.max() <= sagitta and 1 - tolerance <= ratio <= 1 + _AREA_OF_BOX)
