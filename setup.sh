@@ -72,16 +72,6 @@ install_package() {
     touch "$stamp"
 }
 
-check_libraries() {
-    missing() { ! $python -c 'import manifold3d, nlopt, OpenImageIO, pymeshlab' >/dev/null 2>&1; }
-    if missing; then
-        need "libraries that the Python packages load are missing" libgl1 libopengl0
-        if missing; then
-            $python -c 'import manifold3d, nlopt, OpenImageIO, pymeshlab' >&2
-        fi
-    fi
-}
-
 check_gpu() {
     has_adapter() { $python -c 'from runtime.device import open_device; open_device()' >/dev/null 2>&1; }
     has_adapter && return
@@ -91,5 +81,4 @@ check_gpu() {
 
 make_venv
 install_package
-check_libraries
 check_gpu

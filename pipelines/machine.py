@@ -12,7 +12,7 @@ from typing import Any
 
 MEBIBYTE = 1 << 20
 
-LIBRARIES = ("numpy", "scipy", "nlopt", "manifold3d", "pymeshlab", "wgpu")
+LIBRARIES = ("numpy", "scipy", "nlopt", "manifold3d", "wgpu")
 """Those whose version can change a result."""
 
 
