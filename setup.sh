@@ -1,8 +1,8 @@
 #!/bin/sh
 # Makes .venv with sdfprim in it, ready to run: ./setup.sh [dev]
 #
-# Installs what Debian or Ubuntu lack (Python's venv, the libraries that the wheels load, a Vulkan driver) when it
-# may, which is as root or where sudo asks for no password; else it names the one command to run.
+# Installs what Debian or Ubuntu lack (Python's venv, a Vulkan driver) when it may, which is as root or where sudo asks
+# for no password; else it names the one command to run.
 set -eu
 cd "$(dirname "$0")"
 extras=${1:-}
