@@ -24,6 +24,10 @@ from runtime.world import World
 RAYS_AT_ONCE = 64
 """Rays of a workgroup: one for each texel's thread."""
 
+RAYS_ON_SOFTWARE = 4096
+"""Rays of a probe in one frame that Mesa's llvmpipe can follow. It leaves all loops of an invocation in silence after
+65,535 rounds together; a ray takes about ten."""
+
 GROUPS_IN_A_ROW = 32768
 """More workgroups than WebGPU has on one axis go to a second one."""
 
@@ -58,6 +62,7 @@ class ProbeHistory(GpuStruct):
     drift: f32
     spread: f32
     age: f32
+    peak: f32
 
 
 @dataclass(frozen=True)
@@ -114,6 +119,11 @@ class Sdfddgi:
     def __init__(self, gpu: Gpu, world: World, settings: SdfddgiSettings | None = None) -> None:
         self.gpu, self.world = gpu, world
         self.settings = s = settings or SdfddgiSettings()
+        if gpu.is_software and s.rays_per_probe * s.fresh_factor > RAYS_ON_SOFTWARE:
+            raise ValueError(
+                f"{s.rays_per_probe} rays, {s.fresh_factor} times as many for a new probe, are more than the "
+                f"{RAYS_ON_SOFTWARE} that a software renderer follows in one frame: take fewer"
+            )
         self.grid = s.grid or ProbeGrid.around(world.bounds, s.probe_spacing, s.max_probes)
         self.probes = IrradianceProbes(gpu, self.grid, world.origin, s.softness)
         self._histories = Buffer(gpu, ProbeHistory.dtype.itemsize * len(self.grid), label="probe histories")

@@ -137,10 +137,11 @@ struct UpdateSettings {  // 40 bytes
     forget_drift: u32,  // 36
 }
 
-struct ProbeHistory {  // 20 bytes
+struct ProbeHistory {  // 24 bytes
     frames: f32,   // 0
     fluence: f32,  // 4
     drift: f32,    // 8
     spread: f32,   // 12
     age: f32,      // 16
+    peak: f32,     // 20
 }

@@ -29,6 +29,10 @@ SETTINGS: dict[str, Callable[..., Any]] = {"sdfddgi": SdfddgiSettings}
 """How each technique is told its probe grid (`grid`), rays (`rays_per_probe`), share of bounces (`bounce`)."""
 
 
+MANY_RAYS: dict[str, dict[str, Any]] = {"sdfddgi": {"rays_per_probe": 1024, "settling_history": 1.0}}
+"""Settings of frames that stand for themselves; the mean of four is that of 4,096 rays a probe."""
+
+
 class Stage:
     """Runs a technique frame by frame and asks it for irradiance; lights and primitives may change in between."""
 
@@ -79,6 +83,11 @@ class Stage:
 def technique(request: pytest.FixtureRequest) -> str:
     """Name of each technique in turn."""
     return str(request.param)
+
+
+@pytest.fixture
+def many_rays() -> dict[str, dict[str, Any]]:
+    return MANY_RAYS
 
 
 @pytest.fixture

@@ -33,6 +33,10 @@ const DRIFT_SURE: f32 = 0.8;
 // Blend of a probe whose light is sure to drift.
 const DRIFT_CATCH_UP: f32 = 0.5;
 
+// A light that has gone out to this share of the brightest in about so many frames is not worth a mean any more.
+const FADED: f32 = 1e-3;
+const PEAK_BLEND: f32 = 1.0 / 256.0;
+
 var<workgroup> ray_direction: array<vec3f, THREADS>;
 var<workgroup> ray_radiance: array<vec3f, THREADS>;
 
@@ -71,6 +75,10 @@ fn advance(history: ProbeHistory, fluence: f32) -> ProbeHistory {
     let catch_up = DRIFT_CATCH_UP * smoothstep(DRIFT_LEAST, DRIFT_SURE, certainty);
     next.frames = min(history.frames + 1.0, settings.most_frames);
     next.frames = min(next.frames, 1.0 / max(catch_up, 1e-6));
+    next.peak = max(history.peak * (1.0 - PEAK_BLEND), history.fluence);
+    if history.fluence < FADED * next.peak {
+        next.frames = 1.0;
+    }
     next.fluence = mix(history.fluence, fluence, 1.0 / next.frames);
     return next;
 }
