@@ -97,7 +97,8 @@ def test_vertex_colours_factors_and_textures_multiply(builder, render_scene):
         emission=(3.0, 2.0, 1.0), roughness=0.25, metallic=0.75,
     )  # fmt: skip
     images = render_scene(builder.scene(), FRONT, only=("albedo", "emission", "roughness")).images
-    np.testing.assert_allclose(images["albedo"][24, 32], np.array([0.45, 0.5, 0.25]) * linear, rtol=2e-3)
+    # Hardware decodes sRGB to about 0.1 %, and half floats add as much.
+    np.testing.assert_allclose(images["albedo"][24, 32], np.array([0.45, 0.5, 0.25]) * linear, rtol=3e-3)
     np.testing.assert_allclose(images["emission"][24, 32], [3, 2, 1], rtol=1e-3)
     np.testing.assert_allclose(images["roughness"][24, 32, :2], [0.25, 0.75], rtol=1e-3)
 
@@ -194,13 +195,13 @@ def test_motion_of_camera_and_instance(gpu, builder):
     renderer.render(still)
     shifted = Camera("moved", still.world_from_local + _at(0.1, 0.2), yfov=still.yfov, znear=still.znear)
     moved = renderer.render(shifted, only=("motion",)).images["motion"]
-    # 4 m are in view at 2 m. What the camera has moved by, the picture was off by, to the other side.
-    np.testing.assert_allclose(moved[32, 32, :2], [0.1 / 4, -0.2 / 4], atol=1e-5)
+    # 4 m are in view at 2 m; half floats come in steps of 6e-5 there. What the camera has moved by, the picture was off by, to the other side.
+    np.testing.assert_allclose(moved[32, 32, :2], [0.1 / 4, -0.2 / 4], atol=6e-5)
     renderer.move_instances({0: np.eye(4) + _at(0.4, 0.0)})
     moved = renderer.render(only=("motion",)).images["motion"]
-    np.testing.assert_allclose(moved[32, 32, :2], [-0.4 / 4, 0], atol=1e-5)
+    np.testing.assert_allclose(moved[32, 32, :2], [-0.4 / 4, 0], atol=6e-5)
     still_again = renderer.render(only=("motion",)).images["motion"]
-    np.testing.assert_allclose(still_again[32, 32, :2], 0, atol=1e-5)
+    np.testing.assert_allclose(still_again[32, 32, :2], 0, atol=6e-5)
 
 
 def test_transmissive_surfaces_are_left_out_and_told(builder, render_scene):
