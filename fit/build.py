@@ -2,8 +2,8 @@
 
 It is the alternation of variational shape approximation (Cohen-Steiner et al. 2004) and of its hybrid form
 (Wu and Kobbelt 2005), with distances to surface and air in the place of distances to the proxy's plane:
-proposals at the worst places are its seeding, the nearest primitive is its partition, the joint refinement its
-refit, and pruning with a new choice its teleportation.
+proposals at the worst places are its seeding, the nearest primitive is its partition, the joint refinement
+its refit, and pruning with a new choice its teleportation.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from fit.scene import Float64
 from fit.shapes import Shapes, join, no_shapes
 
 SIZES = (4, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)
-"""Rounds end at these sizes whatever the budget, so a larger budget goes on from where a smaller one stopped."""
+"""Rounds end at these sizes whatever the budget: a larger budget goes on from where a smaller one stopped."""
 
 SEEDS = 400
 """Surface points, drawn by the error there, that boxes are grown from in a round."""

@@ -1,4 +1,4 @@
-"""Which candidates make the set: greedy by what each takes off the distance error, and pruning of what is left."""
+"""Which candidates make the set: greedy by what each takes off the error, and pruning of what is left."""
 
 from __future__ import annotations
 
@@ -81,8 +81,8 @@ def prune(
 ) -> Shapes:
     """The set without the shapes that it hardly needs, the least needed first.
 
-    Goes on while one is worth no more than `least_gain`, or the set is larger than `at_most`. The first `kept`
-    shapes stay whatever they are worth.
+    Goes on while one is worth no more than `least_gain`, or the set is larger than `at_most`. The first
+    `kept` shapes stay whatever they are worth.
     """
     table = (
         np.stack([distances_to_one(shapes, i, targets.points) for i in range(len(shapes))])

@@ -21,8 +21,8 @@ def color(
 ) -> PrimitiveSet:
     """The set with the area-weighted means of the textured linear colours of the surface near each face.
 
-    Every seen sample goes to the primitive whose boundary is nearest, and there to the face that looks its way:
-    so the two sides of a thin wall keep their own colours. A face that stands for no sample takes its
+    Every seen sample goes to the primitive whose boundary is nearest, and there to the face that looks its
+    way: so the two sides of a thin wall keep their own colours. A face that stands for no sample takes its
     primitive's mean, a primitive without any the mean of the scene.
     weights (p,): of the samples, by area.
     """
@@ -42,7 +42,7 @@ def color(
 
 
 def nearest_primitive(primitives: PrimitiveSet, points: Float64, normals: Float64) -> Index:
-    """Primitive (p,) whose boundary is nearest to each point; of equal ones that which lies behind the surface."""
+    """Primitive (p,) whose boundary is nearest to each point; of equal ones the one behind the surface."""
     nudge = 1e-6 * float(np.abs(points - points.mean(axis=0)).max())
     best, owner = np.full(len(points), np.inf), np.zeros(len(points), np.int64)
     behind = points - nudge * normals
@@ -56,7 +56,7 @@ def nearest_primitive(primitives: PrimitiveSet, points: Float64, normals: Float6
 
 
 def facing(primitives: PrimitiveSet, owner: Index, normals: Float64) -> Index:
-    """Face (p,) of primitive `owner[i]` that looks along normal i: the one that a sample there stands behind."""
+    """Face (p,) of primitive `owner[i]` that looks along normal i: the one that a sample there shows."""
     local = np.einsum("pij,pi->pj", primitives.rotation_matrices()[owner], normals)
     flat = primitives.kinds[owner] == Kind.PLANE
     local[flat, 0] = local[flat, 2] = 0.0  # a sheet shows its two sides only

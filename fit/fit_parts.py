@@ -63,7 +63,7 @@ def fit_parts(
 
 
 def _part_targets(targets: Targets, own: NDArray[np.int64], piece: Piece) -> Targets:
-    """The part's own surface, and the air around it, which may be nearer to other parts but not inside this one."""
+    """The part's own surface, and the air around it, which may be nearer to other parts but not inside."""
     lower, upper = piece.vertices.min(axis=0), piece.vertices.max(axis=0)
     around = np.all(
         (targets.points > lower - targets.reach) & (targets.points < upper + targets.reach), axis=1
@@ -83,7 +83,7 @@ def _thinned(rows: NDArray[np.int64], most: int) -> NDArray[np.int64]:
 
 
 def _best_kind(piece: Piece, targets: Targets, air: Air) -> Shapes:
-    """The closed forms, each refined by nlopt where it is promising; the one of least error, by error alone."""
+    """The closed forms, each refined by nlopt where it is promising; the one of least error."""
     nothing = float(penalties(targets, set_distances(no_shapes(), targets)).sum())
     candidates = closed_forms(piece)
     errors = np.array([error(candidates.select(np.array([i])), targets) for i in range(len(candidates))])

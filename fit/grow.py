@@ -36,7 +36,7 @@ FACING = 0.7
 
 @dataclass(frozen=True)
 class Lattice:
-    """Cells aligned with `frame` (columns: axes in the world); counts are integral volumes with a zero border.
+    """Cells aligned with `frame` (columns: axes in the world); counts are integral volumes, zero-bordered.
 
     origin (3,) in the frame, cell in metres, shape (3,) cells; air and occupied (mesh inside the cell).
     """
@@ -56,7 +56,7 @@ class Lattice:
 
 
 def make_lattice(air: Air, frame: Float64, cell: float, lower: Float64, upper: Float64) -> Lattice:
-    """The air seen on a grid aligned with `frame`, around the world box `lower`, `upper` and three cells more."""
+    """The air seen on a grid aligned with `frame`, around a world box and three cells more."""
     corners = np.array([[(lower, upper)[b >> k & 1][k] for k in range(3)] for b in range(8)]) @ frame
     origin = corners.min(axis=0) - 3 * cell
     shape = np.ceil((corners.max(axis=0) - origin) / cell).astype(np.int64) + 3
@@ -120,7 +120,7 @@ def _surface_weights(lattice: Lattice, targets: Targets) -> Float64:
 
 
 def _score(lattice: Lattice, surface: Float64, lower: Int64, upper: Int64) -> Float64:
-    """Surface weight inside, less the air inside, a cell of air counting like a cell of surface of mean weight."""
+    """Surface weight inside, less the air inside, a cell of air counting like two of surface."""
     mean = surface[-1, -1, -1] / max(lattice.occupied[-1, -1, -1], 1.0)
     return _inside(surface, lower, upper) - 2 * mean * _inside(lattice.air, lower, upper)
 
@@ -161,7 +161,7 @@ def _advance(
 
 
 def _trimmed(lattice: Lattice, lower: Int64, upper: Int64) -> tuple[Int64, Int64]:
-    """Boxes without the outer layers in which there is no mesh, but for one: a wall need not fill the unseen."""
+    """Boxes without the outer layers in which there is no mesh, but for one: no wall fills all the unseen."""
     inner_lower, inner_upper = lower.copy(), upper.copy()
     for axis in range(3):
         for side in (0, 1):

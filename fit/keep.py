@@ -31,7 +31,7 @@ _FLAT_ENOUGH = 0.5
 def skip_small_parts(
     parts: Parts, walls: Surface, seen: Seen, least_share: float
 ) -> tuple[NDArray[np.int64], Float64, list[dict[str, object]]]:
-    """Parts to fit, by falling projected area; the samples' weights (p,), zero on skipped parts; those parts."""
+    """Parts to fit, by falling projected area; samples' weights (p,), zero on skipped parts; those parts."""
     share = np.bincount(parts.of_triangle, weights=seen.projected, minlength=len(parts))
     area = np.bincount(parts.of_triangle, weights=walls.areas, minlength=len(parts))
     rising = np.argsort(share, kind="stable")

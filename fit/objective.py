@@ -2,7 +2,8 @@
 
 One residual serves every step of the method, from the choice of candidates to the joint refinement:
 
-    E(S) = sum_i w_i rho(min(d_S(x_i), cap_i) - D_i),   rho(r) = sqrt(r^2 + soft^2) - soft,  times `STICKS_OUT` for r < 0
+    E(S) = sum_i w_i rho(min(d_S(x_i), cap_i) - D_i)
+    rho(r) = sqrt(r^2 + soft^2) - soft, times `STICKS_OUT` for r < 0
 
 Where neither surface nor free air is, nothing is asked for: a wall seen from one side may be as thick as it
 likes, and a solid may be one box however hollow it was modelled.
@@ -27,7 +28,7 @@ class Targets:
     """p points (p, 3) whose distance to the surface is known: distances (p,), weights (p,) that sum to 1 over
     the surface and to 1 over the air; normals (p, 3) toward the air, zero in the air itself;
     sample (p,) row of the surface samples that a point is, -1 in the air;
-    caps (p,): farther distances count as this one, at most `reach`; soft: errors far below it count as none."""
+    caps (p,): farther distances count as this one, at most `reach`; soft: errors far below count as none."""
 
     points: Float64
     distances: Float64

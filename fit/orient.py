@@ -19,7 +19,7 @@ _LOOKED_AT = 1500
 
 
 def find_frames(normals: Float64, weights: Float64) -> list[Float64]:
-    """Frames (3, 3), world from local: the world's axes, then the heaviest directions that no frame serves."""
+    """Frames (3, 3), world from local: the world's axes, then the heaviest directions that none serves."""
     frames = [np.eye(3)]
     step = max(1, len(normals) // _LOOKED_AT)
     normals, weights = normals[::step], weights[::step]

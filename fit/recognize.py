@@ -1,4 +1,4 @@
-"""Closed-form fits of one box, sphere or cylinder to a piece of mesh, and whether the mesh *is* that primitive."""
+"""Closed-form fits of one box, sphere or cylinder to a piece of mesh, and whether the mesh *is* it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fit.scene import Float64
 from fit.shapes import Shapes, distances_to_one, join, make_shapes, no_shapes, right_handed
 
 _ON_BOX, _ON_ROUND = 4e-4, 4e-3
-"""Of the size: how far a vertex of an exact primitive may lie off it: files keep 12 bits, some round ones 8."""
+"""Of the size: how far a vertex of an exact primitive may lie off it: files keep 12 bits, some 8."""
 
 _AREA_OF_BOX, _AREA_OF_ROUND = 0.01, 0.12
 """Missing or surplus area of an exact primitive; a tessellated round one has less (8 segments: 10 %)."""

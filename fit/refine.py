@@ -119,7 +119,7 @@ def _thinned(targets: Targets, most: int) -> Targets:
 def _pairs_that_matter(
     shapes: Shapes, targets: Targets, max_step: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows of targets, sorted, and shapes that may become their nearest within reach while all of them move."""
+    """Rows of targets, sorted, and shapes that may become their nearest within reach as they move."""
     kept = min(NEAREST, len(shapes))
     distances = np.full((kept, len(targets)), np.inf)
     nearest = np.zeros((kept, len(targets)), np.int64)
@@ -152,7 +152,7 @@ def _in_start_frames(shapes: Shapes, trial: Shapes, slopes: Float64) -> Float64:
 
 
 def _scales(shapes: Shapes, max_step: float) -> Float64:
-    """Metres and radians of one unit of each parameter (n, 9): a turn moves the far end as a step moves a face."""
+    """Metres and radians of a unit of each parameter (n, 9): a turn moves a corner as a step moves a face."""
     scale = np.full((len(shapes), PARAMETERS), max_step)
     scale[:, 3:6] = np.minimum(max_step / np.linalg.norm(shapes.halves, axis=1), MAX_TURN)[:, None]
     return scale

@@ -21,12 +21,12 @@ from fit.measure import Metrics, measure
 from fit.objective import Targets, set_distances
 from fit.orient import find_frames
 from fit.primitives import PrimitiveSet
-from fit.scene import Scene
+from fit.scene import Float64, Scene
 from fit.shapes import Shapes, to_primitives
 from fit.spaces import Air
 from fit.split import split
 from fit.surface import Surface, from_scene
-from fit.targets import make_targets, see_surface
+from fit.targets import Seen, make_targets, see_surface
 
 BYTES_PER_PRIMITIVE = 64
 SURFACE_SAMPLES, AIR_SAMPLES = 12_000, 16_000
@@ -38,10 +38,10 @@ Progress = Callable[[str, float], None]
 class FitSettings:
     """What to fit. Without any budget the count follows the scene, up to 128.
 
-    max_primitives, max_bytes (64 a primitive): hard caps; preset: 'coarse' or 'fine' sets `max_primitives` and
-    `skip_below` where they are not given; max_error: metres that 95 % of the seen surface must lie within of the
-    set; skip_below: share of the projected area under which a part gets no primitive; air: seeds, 'outside' or
-    'x,y,z'; resolution: cells of the air's grid along the bounding diagonal.
+    max_primitives, max_bytes (64 a primitive): hard caps; preset: 'coarse' or 'fine' sets `max_primitives`
+    and `skip_below` where they are not given; max_error: metres that 95 % of the seen surface must lie within
+    of the set; skip_below: share of the projected area under which a part gets no primitive; air: seeds,
+    'outside' or 'x,y,z'; resolution: cells of the air's grid along the bounding diagonal.
     """
 
     max_primitives: int | None = None
@@ -92,7 +92,7 @@ COARSE, FINE = FitSettings(preset="coarse"), FitSettings(preset="fine")
 
 @dataclass(frozen=True)
 class Fit:
-    """The set, what it was fitted to and how well; skipped_parts: name and shares of each; seconds by stage."""
+    """The set, what it was fitted to and how well; skipped_parts: name and shares; CPU seconds by stage."""
 
     primitives: PrimitiveSet
     surface: Surface
@@ -132,7 +132,7 @@ def fit(scene: Scene, settings: FitSettings = FitSettings(), progress: Progress 
             good_enough=_within(targets, settings.max_error), seed=settings.seed, progress=stages.fraction,
         )  # fmt: skip
     with stages("color"):
-        primitives = color(to_primitives(shapes), scene, air.walls, seen, seen.weights)
+        primitives = color(to_primitives(shapes), scene, air.walls, seen, _by_area(seen))
     with stages("measure"):
         metrics = measure(primitives, surface, air, seed=settings.seed)
     return Fit(primitives, surface, air, metrics, skipped, stages.seconds, _notes(shapes, settings, targets))
@@ -144,6 +144,11 @@ PART_BONUS, EXACT_BONUS = 1.1, 1.5
 
 def _pool(parts: PartFits) -> Pool:
     return Pool(parts.shapes, np.where(parts.shapes.exact, EXACT_BONUS, PART_BONUS))
+
+
+def _by_area(seen: Seen) -> Float64:
+    """Weights (p,) for means over area; rays' hits only speak where no sample by area lies."""
+    return np.where(seen.by_area, seen.weights, 1e-6 * seen.weights)
 
 
 def _within(targets: Targets, max_error: float | None) -> Callable[[Shapes], bool] | None:
@@ -165,7 +170,7 @@ def _notes(shapes: Shapes, settings: FitSettings, targets: Targets) -> tuple[str
         reached = _surface_p95(shapes, targets.select(np.flatnonzero(targets.is_surface)))
         if reached > settings.max_error:
             notes.append(
-                f"max_error {settings.max_error:g} m not reached: {reached:.3g} m with {len(shapes)} primitives"
+                f"max_error {settings.max_error:g} m not reached: {reached:.3g} m, {len(shapes)} primitives"
             )
     return tuple(notes)
 

@@ -33,8 +33,8 @@ class Seen:
     """The surface as the air sees it: p samples, their normals toward the air, weights that sum to 1.
 
     Half of the weight is uniform by area, half goes to the first hits of uniform rays from uniform points of
-    the air: what light and probes see. by_area (p,) bool tells the first half from the second; projected (t,) is
-    each wall triangle's share of those first hits, its *projected area*.
+    the air: what light and probes see. by_area (p,) bool tells the first half from the second; projected (t,)
+    is each wall triangle's share of those first hits, its *projected area*.
     """
 
     samples: Samples
@@ -91,7 +91,7 @@ def _by_rays(air: Air, count: int, seed: int) -> tuple[Samples, Float64, Float64
 
 
 def _barycentric(corners: Float64, points: Float64) -> Float64:
-    """Weights (p, 3), not negative, of the corners (p, 3, 3) at points in their planes (Ericson 2005, 3.4)."""
+    """Weights (p, 3), not negative, of the corners (p, 3, 3) at points in their planes (Ericson 2005)."""
     a, b, p = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
     aa, ab, bb = (np.einsum("pk,pk->p", u, v) for u, v in ((a, a), (a, b), (b, b)))
     pa, pb = np.einsum("pk,pk->p", p, a), np.einsum("pk,pk->p", p, b)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +19,15 @@ from fit.solve import Fit, FitSettings, fit
 QUICK = FitSettings(resolution=90)
 
 
+GREY = Material(base_color=(0.5, 0.5, 0.5, 1.0))
+
+
 @dataclass(frozen=True)
 class Item:
     """A mesh with a plain material, and where it stands."""
 
     mesh: trimesh.Trimesh
-    material: Material = Material(base_color=(0.5, 0.5, 0.5, 1.0))
+    material: Material = GREY
     world_from_local: np.ndarray | None = None
     name: str = "item"
 
@@ -206,7 +210,7 @@ def test_larger_budgets_are_never_worse(blobs: dict[int, Fit]) -> None:
     surface = [f.metrics.surface_to_set_mean_m for f in blobs.values()]
     air = [f.metrics.air_distance_error_m for f in blobs.values()]
     for errors in (surface, air):
-        assert all(after <= 1.02 * before for before, after in zip(errors, errors[1:], strict=False)), errors
+        assert all(after <= 1.02 * before for before, after in pairwise(errors)), errors
     assert surface[-1] < 0.4 * surface[0]
 
 
