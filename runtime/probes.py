@@ -40,7 +40,7 @@ class ProbeRecord(GpuStruct):
 
 @dataclass(frozen=True)
 class ProbeGrid:
-    """A regular grid of probes: probe (0, 0, 0) stands at `lower`, world space, the others `spacing` metres apart."""
+    """Probes `spacing` metres apart; probe (0, 0, 0) stands at `lower`, world space."""
 
     lower: tuple[float, float, float]
     spacing: float
@@ -74,7 +74,8 @@ class ProbeGrid:
     ) -> ProbeGrid:
         """A grid over the box `bounds`, its outermost probes on or beyond the box's faces.
 
-        Without a `spacing` it is as fine as `max_probes` allows; with one that asks for more, it is coarsened to fit.
+        Without a `spacing` it is as fine as `max_probes` allows; with one that asks for more, it is
+        coarsened to fit.
         """
         lower, upper = (np.asarray(corner, dtype=np.float64) for corner in bounds)
         extent = upper - lower
@@ -97,11 +98,11 @@ def _triple(values: NDArray[np.int64]) -> tuple[int, int, int]:
 class IrradianceProbes:
     """Octahedral irradiance maps of a grid of probes, ready for lookups.
 
-    records: for each probe its local position, the scale of its map (below 0: off) and the linear part of its
-    irradiance, a channel each: constant and slope, E = constant + slope . normal. atlas: the rest as tiles with
-    borders; texel * scale is W/m2, so half floats serve any brightness. exact: all of the irradiance, OCT_SIZE^2
-    texels a probe, in float32 and without borders: the history that updates blend into, where half floats would
-    stop short of the mean.
+    records: for each probe its local position, the scale of its map (below 0: off) and the linear part of
+    its irradiance, a channel each: constant and slope, E = constant + slope . normal. atlas: the rest as
+    tiles with borders; texel * scale is W/m2, so half floats serve any brightness. exact: all of the
+    irradiance, OCT_SIZE^2 texels a probe, in float32 and without borders: the history that updates blend
+    into, where half floats would stop short of the mean.
     """
 
     def __init__(self, gpu: Gpu, grid: ProbeGrid, origin: Float64, softness: float) -> None:

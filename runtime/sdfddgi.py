@@ -1,7 +1,9 @@
-"""SDFDDGI (Hu et al., "Efficient real-time dynamic diffuse global illumination using signed distance fields").
+"""SDFDDGI: probes that look around through the primitives (Hu et al., "Efficient real-time dynamic diffuse
+global illumination using signed distance fields").
 
-A grid of probes over the scene; every frame each probe looks around by sphere tracing through the primitives, and
-surfaces interpolate the probes that they see. docs/gi.md tells each pass with its cost and what fails.
+A grid of probes over the scene; every frame each probe looks around by sphere tracing through the
+primitives, and surfaces interpolate the probes that they see. docs/gi.md tells each pass with its cost and
+what fails.
 """
 
 from __future__ import annotations
@@ -25,8 +27,8 @@ RAYS_AT_ONCE = 64
 """Rays of a workgroup: one for each texel's thread."""
 
 RAYS_ON_SOFTWARE = 4096
-"""Rays of a probe in one frame that Mesa's llvmpipe can follow. It leaves all loops of an invocation in silence after
-65,535 rounds together; a ray takes about ten."""
+"""Rays of a probe in one frame that Mesa's llvmpipe can follow. It leaves all loops of an invocation in
+silence after 65,535 rounds together; a ray takes about ten."""
 
 GROUPS_IN_A_ROW = 32768
 """More workgroups than WebGPU has on one axis go to a second one."""
@@ -69,15 +71,18 @@ class ProbeHistory(GpuStruct):
 class SdfddgiSettings:
     """Lengths in metres, or shares of the probe spacing.
 
-    grid: where the probes stand; None lays them over the primitives. probe_spacing: None makes it as fine as
-    `max_probes` allows (the paper's volume has 22 x 14 x 32). rays_per_probe: a multiple of 64; a probe without
-    history takes `fresh_factor` times as many. bounce: share of the light of the last frame's probes that is reflected
-    on, 1 for all. max_ray_distance: rays end there and take the sky.
-    history_frames: a still probe is the mean of about so many frames. settling_frames, settling_history: for so many
-    frames after a change it is the mean of so few.
-    clearance: probes keep this share of the spacing, at most `clearance_limit` metres, from all primitives where they
-    can; `smallest_clearance`, metres (None: twice the world's start margin), everywhere. relocation: how far, in
-    spacings, they may leave the grid. jump: a move by more spacings than this drops the history.
+    grid: where the probes stand; None lays them over the primitives.
+    probe_spacing: None makes it as fine as `max_probes` allows (the paper's volume has 22 x 14 x 32).
+    rays_per_probe: a multiple of 64; a probe without history takes `fresh_factor` times as many.
+    bounce: share of the light of the last frame's probes that is reflected on, 1 for all.
+    max_ray_distance: rays end there and take the sky.
+    history_frames: a still probe is the mean of about so many frames.
+    settling_frames, settling_history: for so many frames after a change it is the mean of so few.
+    clearance: probes keep this share of the spacing, at most `clearance_limit` metres, from all primitives
+    where they can; `smallest_clearance`, metres (None: twice the world's start margin), everywhere.
+    relocation: how far, in spacings, a probe may climb away from a primitive.
+    attraction: how far, in spacings, it may come down to one.
+    jump: a move by more spacings than this drops the history.
     softness: radians; a probe that is seen past an edge within this angle counts less.
     """
 
@@ -132,6 +137,9 @@ class Sdfddgi:
         self._place = Kernel(gpu, "sdfddgi/place_probes")
         self._update = Kernel(gpu, "sdfddgi/update_probes")
         self._publish = Kernel(gpu, "sdfddgi/publish_probes")
+        self._placed_version = -1
+        self._seen_versions = (-1, -1)
+        self._since_change = 0
         self.reset()
 
     def record(self, rec: Recorder, frame: FrameLight) -> None:
@@ -179,7 +187,7 @@ class Sdfddgi:
         self.probes.clear()
         self._histories.write(np.zeros(len(self.grid), ProbeHistory.dtype))
         self._placed_version = -1
-        self._seen_versions: tuple[int, int] | None = None
+        self._seen_versions = (-1, -1)
         self._since_change = 0
 
     def views(self) -> Mapping[str, Texture]:

@@ -34,8 +34,9 @@ class GatherInfo(GpuStruct):
 class FrameLight:
     """What a technique needs to know of a frame.
 
-    index: number of the frame, for random numbers. bindings: group 3 of the kernels (sky, lights, shadow maps), bound
-    by name. light_version: a number that changes whenever a light or the sky does, so that history can be dropped.
+    index: number of the frame, for random numbers. bindings: group 3 of the kernels (sky, lights, shadow
+    maps), bound by name. light_version: a number that changes whenever a light or the sky does, so that
+    history can be dropped.
     """
 
     index: int
@@ -46,11 +47,11 @@ class FrameLight:
 class Technique(Protocol):
     """Answers one question for every consumer: the irradiance at a point with a normal.
 
-    In WGSL, `shaders/<name>/lookup.wgsl` has
+    In WGSL, `shaders/<name>/lookup.wgsl` has, in local space, `view` pointing to the viewer,
         fn gi_irradiance(position: vec3f, normal: vec3f, view: vec3f) -> vec3f    E, W/m2
         fn gi_radiance(position: vec3f, direction: vec3f) -> vec3f                L, W/m2/sr
-    in local space; `view` points to the viewer. Kernels import them from `package::technique::lookup` with the alias
-    {"technique": name} and bind `lookup_bindings()`, which is group 2.
+    Kernels import them from `package::technique::lookup` with the alias {"technique": name} and bind
+    `lookup_bindings()`, which is group 2.
     """
 
     name: str
@@ -58,7 +59,7 @@ class Technique(Protocol):
     def __init__(self, gpu: Gpu, world: World, settings: Any = None) -> None: ...
 
     def record(self, rec: Recorder, frame: FrameLight) -> None:
-        """Brings the technique's state to this frame; call it after the world's and the shadow maps' passes."""
+        """Brings the technique's state to this frame, after the world's and the shadow maps' passes."""
 
     def lookup_bindings(self) -> Mapping[str, Any]:
         """Group 2 of every kernel that imports the lookup."""
@@ -88,7 +89,7 @@ def create(name: str, gpu: Gpu, world: World, settings: Any = None) -> Technique
 
 
 class Gather:
-    """The technique's irradiance at any points: how tests and reports ask every technique the same question."""
+    """The technique's irradiance at any points: the one question for tests and reports to ask."""
 
     def __init__(self, gpu: Gpu, world: World, technique: Technique) -> None:
         self.gpu, self.world, self.technique = gpu, world, technique

@@ -1,4 +1,4 @@
-"""Traces any rays through the world's primitives: what the tests hold against the twins, and what views are made of."""
+"""Traces any rays through the world's primitives: what tests check, and what views are made of."""
 
 from __future__ import annotations
 
@@ -40,10 +40,11 @@ class RayHit(GpuStruct):
 
 @dataclass(frozen=True)
 class Hits:
-    """What n rays met. primitive (n,): index in the world's primitive set, -1 for none, and then t is the reach.
+    """What n rays met. primitive (n,): index in the world's primitive set, -1 for none, and then t is the
+    reach.
 
-    t (n,) metres; position (n, 3) world; normal, albedo, emission (n, 3); steps (n,) of the march; visibility (n,) of
-    the ray's end from its origin, with the penumbra asked for.
+    t (n,) metres; position (n, 3) world; normal, albedo, emission (n, 3); steps (n,) of the march;
+    visibility (n,) of the ray's end from its origin, with the penumbra asked for.
     """
 
     t: NDArray[np.float32]
@@ -66,8 +67,8 @@ class Tracer:
     def trace(
         self, origins: ArrayLike, directions: ArrayLike, reach: ArrayLike = 1e30, softness: float = 1e-6
     ) -> Hits:
-        """Hits of rays from world positions (n, 3) in unit directions (n, 3), at most `reach` metres far; waits for
-        the GPU. Raises ValueError for more rays than one dispatch takes."""
+        """Hits of rays from world positions (n, 3) in unit directions (n, 3), at most `reach` metres far;
+        waits for the GPU. Raises ValueError for more rays than one dispatch takes."""
         origins = np.asarray(origins, dtype=np.float64)
         if len(origins) > RAYS_AT_ONCE or not len(origins):
             raise ValueError(f"{len(origins)} rays; trace between 1 and {RAYS_AT_ONCE} at once")

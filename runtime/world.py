@@ -1,7 +1,7 @@
 """The world on the GPU: primitive records, and the grid of candidate lists that finds the nearest of them.
 
-Everything on the GPU is in local space: world minus `origin`, which is subtracted in float64, so that scenes far
-from zero keep their precision.
+Everything on the GPU is in local space: world minus `origin`, which is subtracted in float64, so that
+scenes far from zero keep their precision.
 """
 
 from __future__ import annotations
@@ -49,10 +49,13 @@ class WorldInfo(GpuStruct):
 class WorldSettings:
     """How the world is searched. Shares are of the bounding diagonal of the finite primitives.
 
-    culling: one of `CULLINGS`. cells: about how many cells the grid has. list_length: room for that many candidates in
-    a cell at first; it grows. hit_distance_share: a ray this near to a surface has met it. start_margin: free distance,
-    metres, that a look from a surface point starts with (None: `start_margin_share`). start_limit: how far, metres, a
-    point that lies inside a primitive may be moved out (None: `start_limit_share`); about twice the fit's error.
+    culling: one of `CULLINGS`.
+    cells: about how many cells the grid has.
+    list_length: room for that many candidates in a cell at first; it grows.
+    hit_distance_share: a ray this near to a surface has met it.
+    start_margin: free distance, metres, that a look from a surface starts with (None: `start_margin_share`).
+    start_limit: how far, metres, a point that lies inside a primitive may be moved out, about twice the
+    fit's error (None: `start_limit_share`).
     """
 
     culling: str = "grid"
@@ -85,7 +88,8 @@ class ListStatistics:
 class World:
     """A primitive set on the GPU, ready to be traced. `version` counts its changes.
 
-    `origin` (3,) is the world position of local zero; by default the centre of the scene, or of the primitives.
+    `origin` (3,) is the world position of local zero; by default the centre of the scene, or of the
+    primitives.
     """
 
     def __init__(
@@ -111,6 +115,7 @@ class World:
         self._room = self.settings.list_length if self.settings.culling == "grid" else 0
         self._is_stale = True
         self._is_unchecked = True
+        self.primitives = primitives
         self.update(primitives)
 
     def update(self, primitives: PrimitiveSet) -> None:
@@ -133,8 +138,9 @@ class World:
         self.version += 1
 
     def record(self, rec: Recorder) -> None:
-        """Rebuilds the candidate lists when the primitives changed. A list that is too long for its room is never cut:
-        its cell asks all primitives until the room has grown, which is checked whenever their number changes."""
+        """Rebuilds the candidate lists when the primitives changed. A list that is too long for its room
+        is never cut: its cell asks all primitives until the room has grown, which is checked whenever
+        their number changes."""
         if not self._is_stale:
             return
         if self._is_unchecked:

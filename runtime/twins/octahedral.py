@@ -52,7 +52,7 @@ def oct_tile_corner(index: UInt32, columns: UInt32) -> UInt32:
 
 
 def oct_tile_position(corner: UInt32, direction: Array) -> Array:
-    """Position in texels (n, 2), for filtering, of directions (n, 3) inside the tiles that begin at `corner`."""
+    """Position in texels (n, 2), for filtering, of directions (n, 3) in the tiles beginning at `corner`."""
     return corner + 1 + (oct_encode(direction) * 0.5 + 0.5) * OCT_SIZE
 
 

@@ -54,7 +54,9 @@ def decode_shape(first: UInt32, second: UInt32) -> Shape:
     """Shapes from the record's first eight words, (n, 4) and (n, 4)."""
     words = np.concatenate([first, second], axis=1)
     real = np.ascontiguousarray(words[:, :6]).view(np.float32)
-    return Shape(real[:, :3], second[:, 2] & 3, real[:, 3:], decode_rotation(second[:, 2:]))
+    return Shape(
+        real[:, :3], (second[:, 2] & 3).astype(np.uint32), real[:, 3:], decode_rotation(second[:, 2:])
+    )
 
 
 def shape_is_half_space(shape: Shape) -> NDArray[np.bool_]:

@@ -12,13 +12,11 @@ _GOLDEN = np.float32(0.61803398874989)
 
 def random_hash(key: UInt32) -> UInt32:
     """Three hashed words (n, 3) for three words (n, 3): pcg3d of Jarzynski and Olano 2020."""
-    v = key.astype(np.uint64) * 1664525 + 1013904223 & 0xFFFFFFFF
-    v = _mix(v)
-    v ^= v >> 16
-    return _mix(v).astype(np.uint32)
+    v = _mix(key.astype(np.uint64) * 1664525 + 1013904223 & 0xFFFFFFFF)
+    return _mix(v ^ v >> 16).astype(np.uint32)
 
 
-def _mix(v: NDArray[np.uint64]) -> NDArray[np.uint64]:
+def _mix(v: NDArray[np.integer]) -> NDArray[np.integer]:
     x, y, z = v.T
     x = x + y * z & 0xFFFFFFFF
     y = y + z * x & 0xFFFFFFFF

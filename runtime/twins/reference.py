@@ -1,7 +1,8 @@
 """The truth that the techniques are measured against: a path tracer through the primitives, NumPy, float64.
 
-Rays meet primitives by solving equations, not by marching, and nothing is shared with the GPU but the primitive set.
-Units and conventions are the product's: irradiance in W/m2, radiance in W/m2/sr, Lambertian surfaces.
+Rays meet primitives by solving equations, not by marching, and nothing is shared with the GPU but the
+primitive set. Units and conventions are the product's: irradiance in W/m2, radiance in W/m2/sr, Lambertian
+surfaces.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ def black_sky(directions: Float64) -> Float64:
 def intersect(
     primitives: PrimitiveSet, origins: Float64, directions: Float64, reach: ArrayLike = np.inf
 ) -> tuple[Float64, Index]:
-    """Distance (n,) to the first primitive that rays (n, 3), (n, 3) enter within `reach`, and its index (n,), else -1.
+    """Distance (n,) to the first primitive that rays (n, 3), (n, 3) enter within `reach`, and its index (n,),
+    else -1.
 
     A ray that starts inside a primitive meets that one at 0.
     """
@@ -84,7 +86,7 @@ def _slab(o: Float64, d: Float64, low: float, high: float) -> tuple[Float64, Flo
 
 
 def _round(o: Float64, d: Float64, radius: float) -> tuple[Float64, Float64]:
-    """Where rays pass through |p| <= radius; an infinite cylinder is a sphere without its axis' coordinate."""
+    """Where rays pass through |p| <= radius; an infinite cylinder is that without its axis' coordinate."""
     a = np.einsum("ni,ni->n", d, d)
     b = np.einsum("ni,ni->n", o, d)
     c = np.einsum("ni,ni->n", o, o) - radius**2
@@ -98,7 +100,7 @@ def _round(o: Float64, d: Float64, radius: float) -> tuple[Float64, Float64]:
 
 
 def cosine_directions(normals: Float64, u: Float64) -> Float64:
-    """Directions (n, 3) about unit normals (n, 3), distributed like the cosine, from uniform numbers (n, 2)."""
+    """Directions (n, 3), cosine-distributed about unit normals (n, 3), from uniform numbers (n, 2)."""
     r, angle = np.sqrt(u[:, 0]), 2 * np.pi * u[:, 1]
     helper = np.where(np.abs(normals[:, :1]) > 0.5, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
     x = np.cross(helper, normals)
@@ -119,9 +121,11 @@ def indirect_irradiance(
     bounces: int = 64,
     seed: int = 0,
 ) -> Float64:
-    """Indirect E (n, 3) at points (n, 3) with normals (n, 3): sky, emission and every bounce; direct sun left out.
+    """Indirect E (n, 3) at points (n, 3) with normals (n, 3): sky, emission and every bounce; direct sun left
+    out.
 
-    `samples` paths a point, at most `bounces` long, ended by Russian roulette. The noise falls as 1/sqrt(samples).
+    `samples` paths a point, at most `bounces` long, ended by Russian roulette. The noise falls as
+    1/sqrt(samples).
     """
     rng = np.random.default_rng(seed)
     total = np.zeros((len(points), 3))

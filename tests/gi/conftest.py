@@ -1,4 +1,5 @@
-"""The stage on which the shared tests play: a world of primitives, a sky, lights and one technique, no pictures.
+"""The stage on which the shared tests play: a world of primitives, a sky, lights and one technique, no
+pictures.
 
 Every test that takes the fixture `technique` runs for every technique that has indirect light.
 """
@@ -26,7 +27,9 @@ from runtime.world import World, WorldSettings
 WITH_LIGHT = [name for name in techniques.TECHNIQUES if name != "none"]
 
 SETTINGS: dict[str, Callable[..., Any]] = {"sdfddgi": SdfddgiSettings}
-"""How each technique is told its probe grid (`grid`), rays (`rays_per_probe`), share of bounces (`bounce`)."""
+"""How each technique is told its probe grid (`grid`), rays (`rays_per_probe`), share of bounces
+(`bounce`).
+"""
 
 
 MANY_RAYS: dict[str, dict[str, Any]] = {"sdfddgi": {"rays_per_probe": 1024, "settling_history": 1.0}}
@@ -34,7 +37,9 @@ MANY_RAYS: dict[str, dict[str, Any]] = {"sdfddgi": {"rays_per_probe": 1024, "set
 
 
 class Stage:
-    """Runs a technique frame by frame and asks it for irradiance; lights and primitives may change in between."""
+    """Runs a technique frame by frame and asks it for irradiance; lights and primitives may change in
+    between.
+    """
 
     def __init__(
         self,
@@ -123,7 +128,9 @@ def _panels(walls: float, size: float, opening: bool) -> list[tuple[tuple[float,
 
 @pytest.fixture(scope="session")
 def make_room():
-    """A room, 3 m inside unless told, of boxes: `walls` metres thick, one albedo and emission, with an opening."""
+    """A room, 3 m inside unless told, of boxes: `walls` metres thick, one albedo and emission, with an
+    opening.
+    """
 
     def make(
         walls: float, *, albedo: float = 0.5, emission: float = 0.0, opening: bool = False, size: float = 3.0

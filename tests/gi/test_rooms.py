@@ -97,9 +97,7 @@ def test_light_stays_in_the_room(technique, make_stage, make_room, inner_surface
     assert_black(stage.irradiance(outside, -normals), inside_mean)
 
 
-@pytest.mark.parametrize(
-    ("spacing", "tolerance"), [(4.0, 0.3), (2.0, 0.3), (1.0, 0.3), (0.5, 0.1)]
-)
+@pytest.mark.parametrize(("spacing", "tolerance"), [(4.0, 0.3), (2.0, 0.3), (1.0, 0.3), (0.5, 0.1)])
 def test_room_with_a_lamp_is_lit(
     technique, make_stage, make_room, inner_surface, grid_over, spacing, tolerance
 ):
@@ -118,5 +116,7 @@ def test_open_room_is_lit(
     technique, make_stage, make_room, inner_surface, grid_over, open_mean, spacing, tolerance
 ):
     room, surface = make_room(0.2, opening=True), inner_surface(1500, opening=True)
-    stage = make_stage(technique, room, grid=grid_over(spacing, size=3.0, offset=OFFSET), **outdoors()).run(25)
+    stage = make_stage(technique, room, grid=grid_over(spacing, size=3.0, offset=OFFSET), **outdoors()).run(
+        25
+    )
     assert stage.irradiance(*surface).mean() == pytest.approx(open_mean, rel=tolerance)

@@ -1,4 +1,6 @@
-"""What light does over time: it rests when nothing changes, arrives when something does, and leaves no trail."""
+"""What light does over time: it rests when nothing changes, arrives when something does, and leaves no
+trail.
+"""
 
 import numpy as np
 import pytest
@@ -17,7 +19,9 @@ SUN = Sun((1.0, 0.6, 0.3), 10.0)
 @pytest.fixture(scope="session")
 def lit_room(make_room):
     """The open room with a lamp, a block and a ball in it."""
-    block = make_box((0.5, -1.0, -0.4), (0.8, 1.0, 0.8), (0, np.sin(0.2), 0, np.cos(0.2)), albedo=(0.7, 0.2, 0.2))
+    block = make_box(
+        (0.5, -1.0, -0.4), (0.8, 1.0, 0.8), (0, np.sin(0.2), 0, np.cos(0.2)), albedo=(0.7, 0.2, 0.2)
+    )
     ball = make_sphere((-0.6, -1.0, 0.4), 0.5, albedo=(0.3, 0.7, 0.3))
     return PrimitiveSet.concatenate([make_room(0.2, opening=True), LAMP, block, ball])
 
@@ -97,7 +101,9 @@ def test_dim_light_scales_linearly(technique, make_stage, make_room, inner_surfa
 
 
 def test_a_moved_object_leaves_no_trail(technique, make_stage, make_room, inner_surface):
-    """A glowing ball moves across the room; 40 frames later the light is that of a room where it always was."""
+    """A glowing ball moves across the room; 40 frames later the light is that of a room where it always
+    was.
+    """
     points, normals = inner_surface(400)
     room = make_room(0.2)
 
@@ -134,7 +140,9 @@ def test_same_seed_same_light(technique, make_stage, lit_room, inner_surface):
 
 
 def test_no_nan_in_a_hostile_scene(technique, make_stage, inner_surface):
-    """Needles, sheets, overlaps, a primitive around everything, probes inside solids, points inside solids."""
+    """Needles, sheets, overlaps, a primitive around everything, probes inside solids, points inside
+    solids.
+    """
     rng = np.random.default_rng(3)
     parts = [make_box((0, 0, 0), (30, 1e-4, 30)), make_box((0, -5, 0), (40, 2, 40), emission=(1e4, 0, 1e-6))]
     for _ in range(20):

@@ -28,7 +28,10 @@ def random_scene(count: int, seed: int, *, ground: bool = True) -> PrimitiveSet:
     for i in range(count):
         place, turn = rng.uniform(-4, 4, 3), rng.normal(size=4)
         turn /= np.linalg.norm(turn)
-        faces = {"albedo": rng.uniform(0, 1, (6, 3)), "emission": rng.integers(0, 2, (6, 1)) * np.ones((6, 3))}
+        faces = {
+            "albedo": rng.uniform(0, 1, (6, 3)),
+            "emission": rng.integers(0, 2, (6, 1)) * np.ones((6, 3)),
+        }
         match i % 4:
             case 0:
                 parts.append(make_box(place, rng.uniform(0.1, 1.5, 3), turn, **faces))
@@ -129,7 +132,7 @@ def test_grazing_a_wall_does_not_darken_it(gpu):
     """From just above a floor towards points at 0.5 to 90 degrees: nothing lies between, nothing is lost."""
     floor = make_box((0, -0.5, 0), (40, 1, 40))
     angle = np.radians(np.linspace(0.5, 90, 300))
-    start = np.zeros((300, 3)) + (0, 0.005, 0)
+    start = np.tile([0.0, 0.005, 0.0], (300, 1))
     direction = np.stack([np.cos(angle), np.sin(angle), np.zeros(300)], axis=1)
     hits = Tracer(gpu, World(gpu, None, floor)).trace(start, direction, 5.0, softness=0.05)
     np.testing.assert_allclose(hits.visibility, 1)

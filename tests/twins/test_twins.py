@@ -1,8 +1,8 @@
-"""Every function of shaders/lib and its NumPy twin in runtime/twins: the same name, the same arguments, the same result
-on the same random inputs.
+"""Every function of shaders/lib and its NumPy twin in runtime/twins: the same name, the same arguments, the
+same result on the same random inputs.
 
-A new twin needs no line here: modules and functions are found by their names. What inputs a function takes is told by
-the name of its parameter in `DOMAINS`, or for one function alone under "function.parameter".
+A new twin needs no line here: modules and functions are found by their names. What inputs a function takes
+is told by the name of its parameter in `DOMAINS`, or for one function alone under "function.parameter".
 """
 
 from __future__ import annotations
@@ -78,13 +78,15 @@ MODULES = sorted(
 FUNCTIONS = [f for m in MODULES if (SHADERS / "lib" / f"{m}.wgsl").exists() for f in functions_of(m)]
 
 BOUND = {"candidates", "march", "frame", "lights"}
-"""Modules whose functions ask bound resources; tests/gi/test_tracer.py and tests/runtime hold them to their references."""
+"""Modules whose functions ask bound resources; tests/gi/test_tracer.py and tests/runtime hold them to
+their references.
+"""
 
 UNTWINNED = {"sky_texel_blend", "sky_radiance", "sky_radiance_within"}
 """Functions of twinned modules that read a texture; tests/runtime checks them."""
 
 
-# ------------------------------------------------------------------------------------------------ random inputs
+# -------------------------------------------------------------------------------- random inputs
 
 
 def unit(rng: np.random.Generator, width: int) -> np.ndarray:
@@ -182,11 +184,13 @@ def draw(function: Function, name: str, type_: str, rng: np.random.Generator, ow
     return values[:, 0] if width == 1 else values
 
 
-# ------------------------------------------------------------------------------------------------ the two sides
+# -------------------------------------------------------------------------------- the two sides
 
 
 def kernel_text(function: Function, inputs: list[tuple[str, str]], call: str) -> str:
-    """A kernel that calls the function once a row; input i is the buffer `in_i`, output field k is `out_k`."""
+    """A kernel that calls the function once a row; input i is the buffer `in_i`, output field k is
+    `out_k`.
+    """
     outputs = struct_outputs(function)
     structs = {t for _, t in inputs if t in RECORDS}
     local = {t for _, t in function.parameters if t not in PLAIN and t not in RECORDS}
