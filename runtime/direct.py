@@ -62,7 +62,7 @@ class LightMaps:
             Lighting.pack(
                 atlas_size=size,
                 count=len(lights),
-                rsm_tolerance=self._settings.rsm_tolerance,
+                rsm_tolerance=_rsm_tolerance(bounds, self._settings),
                 rsm_normal_agreement=self._settings.rsm_normal_agreement,
             )
         )
@@ -121,6 +121,14 @@ class LightMaps:
             for name, format in RSM_TARGETS.items()
         }
         self._is_stale = True
+
+
+def _rsm_tolerance(bounds: tuple[Float64, Float64] | None, settings: ShadowSettings) -> float:
+    """Metres; files lie about units, so that in a small scene a fixed length would reach through the air."""
+    if bounds is None:
+        return settings.rsm_tolerance
+    diagonal = float(np.linalg.norm(bounds[1] - bounds[0]))
+    return min(settings.rsm_tolerance, settings.rsm_tolerance_share * diagonal)
 
 
 class DirectLight:

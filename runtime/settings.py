@@ -33,14 +33,16 @@ class ShadowSettings:
 
     map_size: texels along the side of a sun's map; spots have half. max_suns, max_spots: how many get a
     map, the others are shadowed by tracing the primitives. rsm_tolerance: how far, in metres, a reflective
-    shadow map's sample may lie from a hit that takes its light; half the hit primitive's thickness is a
-    second limit. rsm_normal_agreement: smallest cosine between the two normals.
+    shadow map's sample may lie from a hit that takes its light; rsm_tolerance_share of the meshes' diagonal
+    and half the hit primitive's thickness are further limits. rsm_normal_agreement: smallest cosine between
+    the two normals.
     """
 
     map_size: int = 2048
     max_suns: int = 2
     max_spots: int = 8
     rsm_tolerance: float = 0.1
+    rsm_tolerance_share: float = 3e-3
     rsm_normal_agreement: float = 0.5
 
     def __post_init__(self) -> None:

@@ -4,11 +4,12 @@ hits."""
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from fit.primitives import PrimitiveSet, make_box, make_plane
+from fit.primitives import PrimitiveSet, make_box, make_half_space, make_plane
 from runtime.camera import look_at
 from runtime.direct import LightMaps
 from runtime.encoder import Recorder
@@ -193,10 +194,11 @@ def hit_light(gpu, tmp_path, repository):
     (root / "probe.wgsl").write_text(PROBE_KERNEL)
     kernel = Kernel(gpu, "probe", root=root)
 
-    def measure(scene, primitives, lights, hits, tolerance=0.1):
+    def measure(scene, primitives, lights, hits, tolerance=0.1, share=1.0):
         world = World(gpu, scene, primitives, origin=(0, 0, 0))
         meshes = SceneMeshes(gpu, scene, world.origin, 512)
-        maps = LightMaps(gpu, world.origin, ShadowSettings(map_size=512, rsm_tolerance=tolerance), meshes)
+        settings = ShadowSettings(map_size=512, rsm_tolerance=tolerance, rsm_tolerance_share=share)
+        maps = LightMaps(gpu, world.origin, settings, meshes)
         maps.set(lights)
         rows = np.zeros((len(hits), 3, 4), np.float32)
         for row, (position, half_thickness, normal, albedo) in zip(rows, hits, strict=True):
@@ -270,6 +272,26 @@ def test_a_thin_roof_does_not_leak_through_the_reflective_shadow_map(builder, hi
         scene, primitives, [Sun((0.1, 1, 0.05), 10.0)], [((0, 1.005, 0), 0.005, (0, 1, 0), grey)]
     )
     assert lit[0, 0] == pytest.approx(0.5 * 10 / np.linalg.norm([0.1, 1, 0.05]) / np.pi, rel=2e-3)
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.1])
+def test_shade_under_a_table_is_dark_at_any_scale(builder, hit_light, scale):
+    """The map sees the table's top alone: on thick ground no fixed length may reach down from it."""
+    ground = builder.quad((-4, 0, 4), (8, 0, 0), (0, 0, -8))
+    top = builder.box((0, 0.7, 0), (4, 0.05, 4))
+    shrink = np.diag([scale, scale, scale, 1.0])
+    for row in (ground, top):
+        builder.parts["instances"][row] = replace(builder.parts["instances"][row], world_from_local=shrink)
+    table = make_box((0, 0.7 * scale, 0), np.array([4, 0.05, 4]) * scale)
+    primitives = PrimitiveSet.concatenate([make_half_space(), table])
+    places = np.random.default_rng(1).uniform(-1.8, 1.8, (16, 2)) * scale
+    hits = [((x, 0.0, z), 3e38, (0, 1, 0), (0.5, 0.5, 0.5)) for x, z in places]
+    defaults = ShadowSettings()
+    total, _ = hit_light(
+        builder.scene(), primitives, [Sun((0, 1, 0), 10.0)], hits,
+        defaults.rsm_tolerance, defaults.rsm_tolerance_share,
+    )  # fmt: skip
+    np.testing.assert_array_equal(total[:, :3], 0)
 
 
 def test_spot_map_at_hits_matches_the_formula(builder, hit_light):
