@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.primitives import Kind, PrimitiveSet, shared_face_colors
-from fit.scene import Float64, Scene
+from fit.scene import AlphaMode, Float64, Scene
 from fit.sdf import distance
-from fit.surface import Surface, colors
+from fit.surface import TRANSPARENT_ALPHA, Surface, colors
 from fit.targets import Seen
 
 Index = NDArray[np.int64]
@@ -23,20 +23,25 @@ def color(
 
     Every seen sample goes to the primitive whose boundary is nearest, and there to the face that looks its
     way: so the two sides of a thin wall keep their own colours. A face that stands for no sample takes its
-    primitive's mean, a primitive without any the mean of the scene.
-    weights (p,): of the samples, by area.
+    primitive's mean, a primitive without any the mean of the scene. Where alpha cuts a hole, nothing reflects
+    a colour and nothing emits.
+    weights (p,): of the samples.
     """
     if len(primitives) == 0 or len(seen) == 0:
         return primitives
     owner = nearest_primitive(primitives, seen.samples.points, seen.normals)
     face = facing(primitives, owner, seen.normals)
-    albedo, emission, _ = colors(scene, walls, seen.samples.triangle, seen.samples.barycentric)
+    albedo, emission, alpha = colors(scene, walls, seen.samples.triangle, seen.samples.barycentric)
+    shown = alpha >= _cutoffs(scene)[walls.material[seen.samples.triangle]]
     slot = owner * 6 + face
     shared = [
         shared_face_colors(
-            primitives.kinds, _means(values, slot, weights, len(primitives)), primitives.face_areas()
+            primitives.kinds, _means(values, slot, mass, len(primitives)), primitives.face_areas()
         )
-        for values in (np.clip(albedo, 0.0, 1.0), np.maximum(emission, 0.0))
+        for values, mass in (
+            (np.clip(albedo, 0.0, 1.0), weights * shown),
+            (np.maximum(emission, 0.0) * shown[:, None], weights),
+        )
     ]
     return replace(primitives, albedo=shared[0], emission=shared[1])
 
@@ -63,6 +68,12 @@ def facing(primitives: PrimitiveSet, owner: Index, normals: Float64) -> Index:
     axis = np.abs(local).argmax(axis=1)
     axis[flat] = 1
     return 2 * axis + (local[np.arange(len(local)), axis] < 0)
+
+
+def _cutoffs(scene: Scene) -> Float64:
+    """Alpha (m + 1,) below which each material is a hole; the last one stands for index -1, no material."""
+    cutoff = {AlphaMode.OPAQUE: -np.inf, AlphaMode.BLEND: TRANSPARENT_ALPHA}
+    return np.array([*(cutoff.get(m.alpha_mode, m.alpha_cutoff) for m in scene.materials), -np.inf])
 
 
 def _means(values: Float64, slot: Index, weights: Float64, count: int) -> Float64:
