@@ -28,6 +28,8 @@ def test_grid_covers_its_bounds_within_its_budget():
     coarse = ProbeGrid.around(([0, 0, 0], [3, 3, 3]), spacing=1.5)
     assert coarse.spacing == 1.5
     assert coarse.counts == (3, 3, 3)
+    with pytest.raises(ValueError, match="max_probes is 7"):
+        ProbeGrid.around(([0, 0, 0], [3, 3, 3]), max_probes=7)
 
 
 @pytest.mark.parametrize("spacing", [0.5, 1.0])

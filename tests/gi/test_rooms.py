@@ -14,6 +14,14 @@ OFFSET = (0.1, 0.37, 0.71)
 LAMP = make_box((0.0, 1.47, 0.0), (1.0, 0.06, 1.0), albedo=(0, 0, 0), emission=(5, 5, 5))
 FRAMES = 12
 
+ONE_PROBE = pytest.param(
+    4.0,
+    0.3,
+    marks=pytest.mark.xfail(
+        strict=True, reason="one probe, in a corner, stands for the whole room: mean E is 35 % too low"
+    ),
+)
+
 
 def white_sky(directions):
     return np.ones((len(directions), 3))
@@ -97,7 +105,7 @@ def test_light_stays_in_the_room(technique, make_stage, make_room, inner_surface
     assert_black(stage.irradiance(outside, -normals), inside_mean)
 
 
-@pytest.mark.parametrize(("spacing", "tolerance"), [(4.0, 0.3), (2.0, 0.3), (1.0, 0.3), (0.5, 0.1)])
+@pytest.mark.parametrize(("spacing", "tolerance"), [ONE_PROBE, (2.0, 0.3), (1.0, 0.3), (0.5, 0.1)])
 def test_room_with_a_lamp_is_lit(
     technique, make_stage, make_room, inner_surface, grid_over, spacing, tolerance
 ):
@@ -111,7 +119,7 @@ def test_room_with_a_lamp_is_lit(
     assert stage.irradiance(points, normals).mean() == pytest.approx(expected, rel=tolerance)
 
 
-@pytest.mark.parametrize(("spacing", "tolerance"), [(4.0, 0.3), (1.0, 0.3), (0.5, 0.1)])
+@pytest.mark.parametrize(("spacing", "tolerance"), [ONE_PROBE, (1.0, 0.3), (0.5, 0.1)])
 def test_open_room_is_lit(
     technique, make_stage, make_room, inner_surface, grid_over, open_mean, spacing, tolerance
 ):
