@@ -76,7 +76,12 @@ class ProbeGrid:
 
         Without a `spacing` it is as fine as `max_probes` allows; with one that asks for more, it is
         coarsened to fit.
+
+        Raises:
+            ValueError: fewer than the eight probes of one cell are allowed.
         """
+        if max_probes < 8:
+            raise ValueError(f"max_probes is {max_probes}; one cell of the grid already has 8")
         lower, upper = (np.asarray(corner, dtype=np.float64) for corner in bounds)
         extent = upper - lower
         step = spacing or float(np.cbrt(np.prod(np.maximum(extent, 0.05 * extent.max() + 1e-9)) / max_probes))

@@ -132,6 +132,7 @@ class Renderer:
         """Places drawn instances (index into `scene.instances` -> world_from_local); the primitives stay."""
         self.meshes.move(instances)
         self._lights.invalidate()
+        self._light_version += 1  # the reflective shadow maps show something else
 
     def set_exposure(self, exposure: float) -> None:
         """Stops (EV) of the tone-mapped picture."""

@@ -191,7 +191,7 @@ class Sdfddgi:
         self._since_change = 0
 
     def views(self) -> Mapping[str, Texture]:
-        return {"probe-atlas": self.probes.atlas}
+        return {f"{self.name}/probe-atlas": self.probes.atlas}
 
     @property
     def memory(self) -> int:

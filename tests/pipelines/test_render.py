@@ -79,6 +79,14 @@ def test_exr_with_layers(render: Callable[..., Any], tmp_path: Path) -> None:
     np.testing.assert_array_equal(channel["R"], channel["albedo.R"])
 
 
+def test_a_techniques_own_view(render: Callable[..., Any], tmp_path: Path) -> None:
+    assert render("-o", tmp_path / "a.png", "--view", "sdfddgi/probe-atlas").code == 0
+    assert np.asarray(Image.open(tmp_path / "a.png")).shape[1] % 10 == 0
+    ran = render("-o", tmp_path / "b.png", "--view", "sdfddgi/nothing")
+    assert ran.code == 1
+    assert "sdfddgi/probe-atlas" in ran.err
+
+
 def test_words_for_people(render: Callable[..., Any], tmp_path: Path) -> None:
     ran = render("-o", tmp_path / "a.png", "--gi", "none", "--sun", "-1,2,0,5")
     assert "sun from" in ran.out

@@ -16,6 +16,7 @@ from runtime.renderer import Renderer
 from runtime.sdfddgi import SdfddgiSettings
 from runtime.settings import RenderSettings, ShadowSettings, ToneCurve
 from runtime.sky import Sky
+from runtime.technique import Gather
 from runtime.views import AOV_LAYERS, LAYERS, TRACED, VIEWS
 
 SIZE = (48, 32)
@@ -114,6 +115,27 @@ def test_everything_may_change_without_a_new_pipeline(gpu, room, monkeypatch):
     np.testing.assert_allclose(background.images["final"][is_sky], 7.0, rtol=1e-5)
     assert not np.array_equal(moved.images["depth"], background.images["depth"])
     assert moved.settings.exposure == 2.0
+
+
+def test_bounced_light_follows_a_moved_instance(gpu, builder):
+    """A red rug, too thin for a primitive, is drawn off a white floor: within 4 frames the light above
+    whitens."""
+    builder.quad((-4, 0, 4), (8, 0, 0), (0, 0, -8), base_color=(0.8, 0.8, 0.8, 1))
+    rug = builder.quad((-4, 0.005, 4), (8, 0, 0), (0, 0, -8), base_color=(0.8, 0.1, 0.1, 1))
+    floor = make_box((0, -0.25, 0), (8, 0.5, 8), albedo=(0.8, 0.8, 0.8))
+    renderer = make_renderer(gpu, (builder.scene(), floor), "sdfddgi", [Sun((0, 1, 0), 10.0)], (8, 8))
+    gather = Gather(gpu, renderer.world, renderer.technique)
+
+    def green(frames):
+        for _ in range(frames):
+            renderer.draw_frame(only_light=True)
+        return gather.irradiance([[0, 0.5, 0]], [[0, -1, 0]])[0, 1]
+
+    red, away = green(100), np.eye(4)
+    away[0, 3] = 20
+    renderer.move_instances({rug: away})
+    early = green(4)
+    assert early - red > 0.5 * (green(60) - red) > 1
 
 
 def test_primitives_are_seen_where_they_are(gpu, room, ray_caster):
