@@ -54,15 +54,3 @@ def oct_tile_corner(index: UInt32, columns: UInt32) -> UInt32:
 def oct_tile_position(corner: UInt32, direction: Array) -> Array:
     """Position in texels (n, 2), for filtering, of directions (n, 3) in the tiles beginning at `corner`."""
     return corner + 1 + (oct_encode(direction) * 0.5 + 0.5) * OCT_SIZE
-
-
-def oct_pack_direction(direction: Array) -> UInt32:
-    """Directions (n, 3) in 32 bits (n,): the two numbers of `oct_encode`, each signed normalised 16-bit."""
-    code = np.floor(np.clip(oct_encode(direction), -1, 1) * 32767 + 0.5).astype(np.int16).view(np.uint16)
-    return code[:, 0].astype(np.uint32) | code[:, 1].astype(np.uint32) << 16
-
-
-def oct_unpack_direction(word: UInt32) -> Array:
-    """Unit directions (n, 3) from `oct_pack_direction`'s words (n,)."""
-    halves = np.stack([word & 0xFFFF, word >> 16], axis=1).astype(np.uint16).view(np.int16)
-    return oct_decode(np.maximum(halves / 32767, -1))

@@ -322,7 +322,7 @@ def run_on_gpu(
 
 def check(function: Function, got: np.ndarray, want: np.ndarray) -> None:
     assert got.shape == want.shape
-    if got.dtype == np.uint32 and function.name == "oct_pack_direction":
+    if got.dtype == np.uint32 and function.name == "normal_pack":
         low, high = ((got >> s & 0xFFFF).astype(np.int64) - (want >> s & 0xFFFF) for s in (0, 16))
         steps = np.minimum(np.abs(np.stack([low, high])), 65536 - np.abs(np.stack([low, high])))
         assert steps.max() <= 1  # a rounding that fell the other way

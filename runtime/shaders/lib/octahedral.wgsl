@@ -45,12 +45,3 @@ fn oct_tile_corner(index: u32, columns: u32) -> vec2u {
 fn oct_tile_position(corner: vec2u, direction: vec3f) -> vec2f {
     return vec2f(corner) + 1.0 + (oct_encode(direction) * 0.5 + 0.5) * f32(OCT_SIZE);
 }
-
-// A unit direction in 32 bits, two signed normalised 16-bit numbers (error under 0.004 degrees), and back.
-fn oct_pack_direction(direction: vec3f) -> u32 {
-    return pack2x16snorm(oct_encode(direction));
-}
-
-fn oct_unpack_direction(word: u32) -> vec3f {
-    return oct_decode(unpack2x16snorm(word));
-}

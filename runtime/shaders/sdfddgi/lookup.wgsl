@@ -2,7 +2,7 @@
 // primitives give, renormalised. There is no weight by cosine or by depth statistics: what is seen counts, what is
 // hidden does not, so nothing leaks at any spacing.
 
-import package::lib::march::{trace_soft_visibility, trace_start};
+import package::lib::march::{trace_soft_visibility, trace_start, trace_start_seen};
 import package::lib::octahedral::{oct_tile_corner, oct_tile_position};
 import package::structs::{ProbeGridInfo, ProbeRecord};
 
@@ -87,7 +87,7 @@ fn probe_ring_irradiance(cell: ProbeCell, start: vec3f, normal: vec3f) -> vec4f 
 }
 
 fn gi_irradiance(position: vec3f, normal: vec3f, view: vec3f) -> vec3f {
-    let start = trace_start(position, normal);
+    let start = trace_start_seen(position, normal, view);
     if start.w == 0.0 {
         return vec3f(0.0);
     }
@@ -123,7 +123,7 @@ fn gi_irradiance_of_one(position: vec3f, normal: vec3f, u: f32) -> vec3f {
     for (var draw = 0u; draw < 8u; draw++) {
         var left = 0.0;
         for (var corner = 0u; corner < 8u; corner++) {
-            left += select(probe_weight(cell, corner), 0.0, (struck >> corner & 1u) != 0u);
+            left += select(probe_weight(cell, corner), 0.0, ((struck >> corner) & 1u) != 0u);
         }
         if left < GI_SMALLEST_WEIGHT {
             break;
@@ -131,7 +131,7 @@ fn gi_irradiance_of_one(position: vec3f, normal: vec3f, u: f32) -> vec3f {
         var rest = share * left;
         var drawn = 0u;
         for (var corner = 0u; corner < 8u; corner++) {
-            let weight = select(probe_weight(cell, corner), 0.0, (struck >> corner & 1u) != 0u);
+            let weight = select(probe_weight(cell, corner), 0.0, ((struck >> corner) & 1u) != 0u);
             if weight > 0.0 {
                 drawn = corner;
                 if rest < weight {
@@ -154,5 +154,5 @@ fn gi_irradiance_of_one(position: vec3f, normal: vec3f, u: f32) -> vec3f {
 // Radiance from the half of the sphere around a direction, weighted by the cosine to it: E / pi of a surface that
 // faces it. For fog and rough reflections.
 fn gi_radiance(position: vec3f, direction: vec3f) -> vec3f {
-    return gi_irradiance(position, direction, -direction) / GI_PI;
+    return gi_irradiance(position, direction, direction) / GI_PI;
 }

@@ -109,7 +109,8 @@ fn main(
     for (var batch = 0u; batch < batches; batch++) {
         let ray = thread * batches + batch;
         let direction = quat_rotate(rotation, spherical_fibonacci(ray, rays));
-        let u = random_uniform(random_hash(vec3u(probe, settings.frame, settings.seed ^ (ray + 1u) * 2654435761u))).x;
+        let key = settings.seed ^ ((ray + 1u) * 2654435761u);
+        let u = random_uniform(random_hash(vec3u(probe, settings.frame, key))).x;
         ray_direction[thread] = direction;
         ray_radiance[thread] = incoming_radiance(position.xyz, direction, 4.0 * PI / f32(rays), u);
         workgroupBarrier();
