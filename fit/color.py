@@ -15,6 +15,12 @@ from fit.targets import Seen
 
 Index = NDArray[np.int64]
 
+_BEHIND = 1e-9
+"""Factor on the weight of samples behind their primitive: they speak only where no other does."""
+
+_MIDDLE = 0.4
+"""Of the thickness: both sides of a sheet lie near the middle of its primitive, and count."""
+
 
 def color(
     primitives: PrimitiveSet, scene: Scene, walls: Surface, seen: Seen, weights: Float64
@@ -30,7 +36,8 @@ def color(
     if len(primitives) == 0 or len(seen) == 0:
         return primitives
     owner = nearest_primitive(primitives, seen.samples.points, seen.normals)
-    face = facing(primitives, owner, seen.normals)
+    face, turned_here = facing(primitives, owner, seen.samples.points, seen.normals)
+    weights = np.where(turned_here, weights, _BEHIND * weights)
     albedo, emission, alpha = colors(scene, walls, seen.samples.triangle, seen.samples.barycentric)
     shown = alpha >= _cutoffs(scene)[walls.material[seen.samples.triangle]]
     slot = owner * 6 + face
@@ -60,14 +67,25 @@ def nearest_primitive(primitives: PrimitiveSet, points: Float64, normals: Float6
     return owner
 
 
-def facing(primitives: PrimitiveSet, owner: Index, normals: Float64) -> Index:
-    """Face (p,) of primitive `owner[i]` that looks along normal i: the one that a sample there shows."""
-    local = np.einsum("pij,pi->pj", primitives.rotation_matrices()[owner], normals)
+def facing(
+    primitives: PrimitiveSet, owner: Index, points: Float64, normals: Float64
+) -> tuple[Index, NDArray[np.bool_]]:
+    """Face (p,) of primitive `owner[i]` that looks along normal i, and whether point i lies on its side.
+
+    A point in the half that is turned away looks through the primitive: the inner side of a hollow wall, seen
+    through a gap, is no part of the wall's other face.
+    """
+    frames = primitives.rotation_matrices()[owner]
+    local = np.einsum("pij,pi->pj", frames, normals)
     flat = primitives.kinds[owner] == Kind.PLANE
     local[flat, 0] = local[flat, 2] = 0.0  # a sheet shows its two sides only
     axis = np.abs(local).argmax(axis=1)
     axis[flat] = 1
-    return 2 * axis + (local[np.arange(len(local)), axis] < 0)
+    rows = np.arange(len(local))
+    negative = local[rows, axis] < 0
+    place = np.einsum("pij,pi->pj", frames, points - primitives.positions[owner])[rows, axis]
+    depth = np.where(negative, place, -place)  # beyond the middle, seen from that face
+    return 2 * axis + negative, depth <= _MIDDLE * primitives.sizes[owner, axis]
 
 
 def _cutoffs(scene: Scene) -> Float64:
