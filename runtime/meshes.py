@@ -137,7 +137,7 @@ class SceneMeshes:
         """Draws every triangle with a kernel that imports `primary/surface`."""
         render_pass.set_vertex_buffer(0, self._vertices.wgpu_buffer)
         render_pass.set_index_buffer(self._indices.wgpu_buffer, "uint32")
-        bound = -1
+        bound: int | None = None
         for draw in self.draws:
             if draw.material != bound:
                 material = self._materials[self._material_rows[draw.material]]

@@ -96,6 +96,11 @@ def many_rays() -> dict[str, dict[str, Any]]:
 
 
 @pytest.fixture
+def settings_of() -> dict[str, Callable[..., Any]]:
+    return SETTINGS
+
+
+@pytest.fixture
 def make_stage(gpu: Gpu):
     """Stage of a technique; keywords that are no argument of `Stage` are the technique's settings."""
 

@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 from fit.primitives import PrimitiveSet, make_box
-from runtime.lights import Sun
+from fit.scene import Instance, Material, Mesh, Scene
+from runtime.lights import Illumination, Sun
+from runtime.renderer import Renderer
+from runtime.settings import RenderSettings, ShadowSettings
 from runtime.sky import Sky
+from runtime.technique import Gather
 from runtime.twins import reference
 
 SUN = (1.0, 0.6, 0.3)
@@ -76,6 +80,45 @@ def test_sealed_room_is_black_when_turned(
     room, points, normals = turned(make_room(0.01), *inner_surface(10_000), angle=0.7)
     stage = make_stage(technique, room, grid=grid_over(1.0, size=5.0), **outdoors()).run(FRAMES)
     assert_black(stage.irradiance(points, normals), open_mean)
+
+
+def mesh_of_boxes(boxes: PrimitiveSet) -> Scene:
+    """A cube drawn for each box of a set that is not turned."""
+    corners = np.array([[(k >> axis & 1) - 0.5 for axis in range(3)] for k in range(8)])
+    faces = corners[[[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]]
+    normals = np.repeat(2 * faces.mean(axis=1), 4, axis=0)
+    triangles = np.array([(4 * k, 4 * k + i, 4 * k + i + 1) for k in range(6) for i in (1, 2)], np.uint32)
+    cube = Mesh("cube", faces.reshape(-1, 3), normals, triangles, 0)
+    grey = Material(base_color=(0.5, 0.5, 0.5, 1.0))
+    places = [np.diag([*size, 1.0]) for size in boxes.sizes]
+    for place, position in zip(places, boxes.positions, strict=True):
+        place[:3, 3] = position
+    instances = tuple(Instance(0, -1, place) for place in places)
+    return Scene(source=__file__, meshes=(cube,), materials=(grey,), instances=instances)
+
+
+def test_sealed_room_is_black_under_reflective_shadow_maps(
+    technique, gpu, settings_of, make_room, inner_surface, grid_over, open_mean
+):
+    """With the room's mesh, so that probes read its sunlit outside where they may; the open room tells that
+    they do."""
+    means = {}
+    for opening in (False, True):
+        room = make_room(0.01, opening=opening)
+        settings = RenderSettings(
+            size=(8, 8),
+            gi=technique,
+            technique=settings_of[technique](grid=grid_over(1.0, offset=OFFSET)),
+            shadows=ShadowSettings(map_size=256),
+        )
+        light = Illumination((Sun(SUN, SUN_IRRADIANCE),), Sky.constant((1.0, 1.0, 1.0)))
+        renderer = Renderer(gpu, mesh_of_boxes(room), room, settings, light)
+        for _ in range(FRAMES):
+            renderer.draw_frame(only_light=True)
+        gather = Gather(gpu, renderer.world, renderer.technique)
+        means[opening] = gather.irradiance(*inner_surface(10_000, opening=opening))
+    assert_black(means[False], open_mean)
+    assert means[True].mean() == pytest.approx(open_mean, rel=0.3)
 
 
 @pytest.mark.slow

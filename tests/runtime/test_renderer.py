@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -212,6 +213,16 @@ def test_a_scene_without_triangles_shows_the_sky(gpu):
     result = renderer.render(CAMERA, only=("primitives",))
     np.testing.assert_allclose(result.images["final"], np.broadcast_to([1, 2, 3], (32, 48, 3)), rtol=1e-6)
     assert result.images["primitives"].max() > 0
+
+
+def test_a_mesh_without_a_material_is_white(gpu, builder):
+    builder.quad((-2, 0, 2), (4, 0, 0), (0, 0, -4))
+    scene = builder.scene()
+    bare = replace(scene, meshes=(replace(scene.meshes[0], material=-1),), materials=())
+    albedo = (
+        make_renderer(gpu, (bare, PrimitiveSet.empty())).render(CAMERA, only=("albedo",)).images["albedo"]
+    )
+    assert np.all(albedo[SIZE[1] // 2, SIZE[0] // 2] == 1)
 
 
 def test_overview_sees_everything(builder, gpu, room):
