@@ -170,6 +170,26 @@ fn trace_start(position: vec3f, normal: vec3f) -> vec4f {
     return march_out_through_faces(position, normal);
 }
 
+// The same for a point that a viewer sees, `view` pointing at it: the air between both is free, whatever the primitives
+// say. Where one of them stands in this air within `world.start_limit` of the start, as the flat stand-in of a
+// curtain's folds does, the point belongs to the side of it that the viewer sees.
+fn trace_start_seen(position: vec3f, normal: vec3f, view: vec3f) -> vec4f {
+    let start = trace_start(position, normal);
+    let far = start.xyz + view * world.start_limit;
+    let is_seen = trace_visibility(start.xyz, view, world.start_limit) > 0.0;
+    if (start.w > 0.0 && is_seen) || world_distance(far) <= 0.0 {
+        return start;
+    }
+    let arrival = march_ray(far, -view, world.start_limit);
+    if arrival.primitive == NO_PRIMITIVE {
+        return start;
+    }
+    let place = far - view * arrival.t;
+    let face = shape_gradient(world_shape(arrival.primitive), place);
+    let seen = march_out_along_normal(place, face);
+    return select(start, seen, seen.w > 0.0 && dot(face, normal) > 0.0);
+}
+
 // The point moved along its normal until `world.start_margin` is free around it, or as much as the gap there has.
 // Every stride stays inside the solid that holds the point or inside the ball that is free around it, so no wall is
 // ever crossed.
