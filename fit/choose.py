@@ -113,4 +113,4 @@ def _worths(table: Float64, targets: Targets) -> Float64:
     if len(table) > 1:
         second = np.minimum(np.partition(table, 1, axis=0)[1], targets.reach)
     rise = penalties(targets, second) - penalties(targets, first)
-    return np.bincount(nearest, weights=rise, minlength=len(table))
+    return np.bincount(nearest, weights=rise, minlength=len(table)).astype(np.float64)

@@ -93,6 +93,7 @@ def _descend(
             total = np.stack(
                 [np.bincount(shape[carriers], weights=row, minlength=len(shapes)) for row in derivatives],
                 axis=1,
+                dtype=np.float64,
             )
             total[:, 3:6] = _in_start_frames(shapes, trial, total[:, 3:6])
             gradient[:] = (total * scale)[moving].ravel()
