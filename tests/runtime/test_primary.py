@@ -195,8 +195,8 @@ def test_motion_of_camera_and_instance(gpu, builder):
     renderer.render(still)
     shifted = Camera("moved", still.world_from_local + _at(0.1, 0.2), yfov=still.yfov, znear=still.znear)
     moved = renderer.render(shifted, only=("motion",)).images["motion"]
-    # 4 m are in view at 2 m; half floats come in steps of 6e-5 there. What the camera has moved by, the picture
-    # was off by, to the other side.
+    # 4 m are in view at 2 m; half floats come in steps of 6e-5 there. What the camera has moved by, the
+    # picture was off by, to the other side.
     np.testing.assert_allclose(moved[32, 32, :2], [0.1 / 4, -0.2 / 4], atol=6e-5)
     renderer.move_instances({0: np.eye(4) + _at(0.4, 0.0)})
     moved = renderer.render(only=("motion",)).images["motion"]
