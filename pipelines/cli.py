@@ -48,6 +48,9 @@ def execute(arguments: Sequence[str]) -> int:
     terminal = Terminal()
     try:
         return int(app(arguments, exit_on_error=False, print_error=False, result_action="return_value") or OK)
+    except cyclopts.MissingArgumentError as error:
+        terminal.error(_missing(error))
+        return BAD_USAGE
     except cyclopts.CycloptsError as error:
         terminal.error(f"{str(error).strip()} (sdfprim --help lists what there is)")
         return BAD_USAGE
@@ -63,6 +66,17 @@ def execute(arguments: Sequence[str]) -> int:
             raise
         terminal.error(message)
         return FAILED
+
+
+def _missing(error: cyclopts.MissingArgumentError) -> str:
+    """`--output` is left out altogether, or stands there without a value: cyclopts says the same of both."""
+    command = " ".join(error.command_chain or ())
+    name = error.argument.name if error.argument else "an argument"
+    if error.argument and error.argument.index is not None:
+        what = f"{name.lstrip('-').upper()} is needed"
+    else:
+        what = f"{name} and its value are needed"
+    return f"{command}: {what} (sdfprim {command} --help lists what there is)"
 
 
 def _foreseen(error: Exception) -> str | None:

@@ -75,10 +75,9 @@ def run(settings: CompareSettings, progress: Update) -> dict[str, Any]:
     check(settings)
     progress("load", 0.0)
     scene = gltf.load(settings.scene, scale=settings.scale)
+    studio = Studio.set_up(scene, settings.camera, settings.lighting, settings.size, settings.exposure)
     fits = {preset: _fit(scene, settings, preset, progress) for preset in PRESETS}
-    studio = Studio.set_up(
-        scene, settings.camera, settings.lighting, settings.size, settings.exposure, fits["fine"].air
-    )
+    studio = studio.moved_inside(fits["fine"].air)
     shots = _shoot(studio, fits, settings.frames, progress)
     progress("write the report", 1.0)
     pictures, differences = _compare_pictures(shots)

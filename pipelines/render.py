@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,8 +60,12 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
     check(settings)
     progress("load", 0.0)
     scene = gltf.load(settings.scene, scale=settings.scale)
+    studio = Studio.set_up(scene, settings.camera, settings.lighting, settings.size, settings.exposure)
     primitives, air, source = _primitives(settings, scene, progress)
-    studio = Studio.set_up(scene, settings.camera, settings.lighting, settings.size, settings.exposure, air)
+    if air is None and studio.view.made_up:
+        air = _air(scene, progress)
+    if air is not None:
+        studio = studio.moved_inside(air)
     start = CONVERT_SHARE if settings.primitives is None else 0.1
 
     def done(frame: int, frames: int) -> None:
@@ -93,6 +98,8 @@ def check(settings: PictureSettings) -> None:
         raise UsageError(f"--aov writes its layers into an EXR: -o {settings.output.with_suffix('.exr')}")
     if not settings.output.parent.is_dir():
         raise UsageError(f"-o {settings.output}: there is no folder {settings.output.parent}; make it first")
+    if settings.output.is_dir() or not os.access(settings.output.parent, os.W_OK | os.X_OK):
+        raise UsageError(f"-o {settings.output}: nothing may be written there; name another file")
     if settings.frames < 1:
         raise UsageError(f"--frames {settings.frames}: give at least 1")
     if not 0 < settings.scale < float("inf"):
@@ -130,6 +137,18 @@ def _primitives(
 
     result = fit_scene(scene, ConvertSettings((settings.scene,), settings.output.parent), converting)
     return result.primitives, result.air, describe_fit(result) | {"file": None}
+
+
+def _air(scene: Scene, progress: Update) -> Air | None:
+    """Where the scene's air is; None where nothing of it stops light."""
+    from fit.air import find_air
+    from fit.surface import from_scene
+
+    progress("look for a place for the camera", 0.0)
+    try:
+        return find_air(from_scene(scene), scene)
+    except ValueError:
+        return None
 
 
 def show(report: dict[str, Any], terminal: Terminal) -> None:

@@ -92,7 +92,6 @@ class Studio:
         lighting: LightingOptions,
         size: tuple[int, int],
         exposure: float,
-        air: Air | None = None,
     ) -> Studio:
         """Chooses camera and light and opens the GPU.
 
@@ -102,8 +101,14 @@ class Studio:
         """
         from runtime.device import open_device
 
-        view = choose_view(camera, scene, size[0] / size[1], air)
+        view = choose_view(camera, scene, size[0] / size[1])
         return Studio(open_device(), scene, view, lighting.choose(scene), size, exposure)
+
+    def moved_inside(self, air: Air) -> Studio:
+        """With a made-up camera put into the largest room, where the air is rooms and no outside."""
+        if not self.view.made_up:
+            return self
+        return replace(self, view=choose_view(None, self.scene, self.size[0] / self.size[1], air))
 
     def render(
         self,

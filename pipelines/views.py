@@ -27,10 +27,11 @@ STEPS = 64
 
 @dataclass(frozen=True)
 class View:
-    """A camera, and where it came from."""
+    """A camera, and where it came from; `made_up` where neither an option nor the file gave one."""
 
     camera: Camera
     origin: str
+    made_up: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,8 +92,9 @@ def _near(scene: Scene) -> float:
 def _made_up(scene: Scene, aspect: float, air: Air | None) -> View:
     if air is not None and air.spaces and not any("outside" in space.evidence for space in air.spaces):
         room = max(air.spaces, key=lambda space: space.volume)
-        return View(_inside(np.asarray(room.point), scene, air), "made up: inside the largest space of air")
-    return View(overview(scene, aspect), "made up: the whole scene from outside")
+        camera = _inside(np.asarray(room.point), scene, air)
+        return View(camera, "made up: inside the largest space of air", True)
+    return View(overview(scene, aspect), "made up: the whole scene from outside", True)
 
 
 def _inside(point: Any, scene: Scene, air: Air) -> Camera:

@@ -62,7 +62,9 @@ def test_every_option_of_convert_arrives(sdfprim: Callable[..., Any], seen: list
     ("command", "remedy"),
     [
         ("convert {wall} -o {out} --preset medium", 'Choose from: "coarse", "fine"'),
-        ("convert {wall}", "--output"),
+        ("convert {wall}", "--output and its value are needed"),
+        ("convert {wall} -o", "--output and its value are needed"),
+        ("render -o {out}/a.png", "render: SCENE is needed"),
         ("convert -o {out}", "name at least one"),
         ("convert missing.glb -o {out}", "no such file"),
         ("convert {folder} -o {out}", "is a folder"),

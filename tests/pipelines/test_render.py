@@ -101,6 +101,28 @@ def test_an_unknown_camera_lists_those_there_are(render: Callable[..., Any], tmp
     assert "0 or 'west', 1 or 'east'" in ran.err
 
 
+@pytest.mark.parametrize("mistake", [("--camera", "north"), ("--camera", "1,2,3"), ("--sky", __file__)])
+@pytest.mark.parametrize("command", ["render", "compare"])
+def test_mistakes_are_told_before_anything_is_converted(
+    command: str, mistake: tuple[str, str], sdfprim: Callable[..., Any], gpu: Any, wall: Path, tmp_path: Path
+) -> None:
+    ran = sdfprim(command, wall, *mistake, "-o", tmp_path / ("a.png" if command == "render" else "a"))
+    assert ran.code in (1, 2)
+    assert mistake[1] in ran.err
+    assert "converting" not in ran.err
+    assert "fit" not in ran.err
+
+
+def test_a_room_without_a_camera_is_seen_from_inside_with_a_given_set_too(
+    scene: Scene, render: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(gltf, "load", lambda *_, **__: replace(scene, cameras=()))
+    monkeypatch.setattr("fit.air.find_air", lambda *_, **__: _Corridor())
+    ran = render("-o", tmp_path / "a.png", "--gi", "none")
+    assert ran.code == 0, ran.err
+    assert "inside the largest space of air" in ran.out
+
+
 def test_without_a_set_it_converts_and_says_so(
     sdfprim: Callable[..., Any], gpu: Any, wall: Path, tmp_path: Path
 ) -> None:
