@@ -209,7 +209,7 @@ fn march_out_along_normal(position: vec3f, normal: vec3f) -> vec4f {
         moved += stride;
         distance = onwards;
     }
-    return vec4f(position + normal * moved, select(0.0, 1.0, distance > 0.0));
+    return vec4f(position + normal * moved, select(0.0, 1.0, distance > 0.0 && moved <= world.start_limit));
 }
 
 // The point pushed out of one primitive after the other through the face nearest to it, never through one that looks
