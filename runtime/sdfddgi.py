@@ -77,7 +77,8 @@ class SdfddgiSettings:
     bounce: share of the light of the last frame's probes that is reflected on, 1 for all.
     max_ray_distance: rays end there and take the sky.
     history_frames: a still probe is the mean of about so many frames.
-    settling_frames, settling_history: for so many frames after a change it is the mean of so few.
+    settling_frames, settling_history, settling_growth: for so many frames after a change it is the mean of so
+    few, or of this share of the frames since.
     clearance: probes keep this share of the spacing, at most `clearance_limit` metres, from all primitives
     where they can; `smallest_clearance`, metres (None: twice the world's start margin), everywhere.
     relocation: how far, in spacings, a probe may climb away from a primitive.
@@ -96,6 +97,7 @@ class SdfddgiSettings:
     history_frames: float = 256.0
     settling_frames: int = 64
     settling_history: float = 4.0
+    settling_growth: float = 0.125
     clearance: float = 0.12
     clearance_limit: float = 0.25
     smallest_clearance: float | None = None
@@ -205,6 +207,7 @@ class Sdfddgi:
         self._since_change = 0 if versions != self._seen_versions else self._since_change + 1
         self._seen_versions = versions
         is_settling = self._since_change < s.settling_frames
+        settling_history = max(s.settling_history, s.settling_growth * self._since_change)
         smallest = 2 * self.world.start_margin if s.smallest_clearance is None else s.smallest_clearance
         self._update_settings.write(
             UpdateSettings.pack(
@@ -216,7 +219,7 @@ class Sdfddgi:
                 seed=s.seed,
                 bounce=s.bounce,
                 reach=s.max_ray_distance,
-                most_frames=s.settling_history if is_settling else s.history_frames,
+                most_frames=settling_history if is_settling else s.history_frames,
                 forget_drift=int(is_settling),
             )
         )

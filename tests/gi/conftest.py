@@ -32,7 +32,9 @@ SETTINGS: dict[str, Callable[..., Any]] = {"sdfddgi": SdfddgiSettings}
 """
 
 
-MANY_RAYS: dict[str, dict[str, Any]] = {"sdfddgi": {"rays_per_probe": 1024, "settling_history": 1.0}}
+MANY_RAYS: dict[str, dict[str, Any]] = {
+    "sdfddgi": {"rays_per_probe": 1024, "settling_history": 1.0, "settling_growth": 0.0}
+}
 """Settings of frames that stand for themselves; the mean of four is that of 4,096 rays a probe."""
 
 

@@ -174,20 +174,35 @@ fn trace_start(position: vec3f, normal: vec3f) -> vec4f {
 // say. Where one of them stands in this air within `world.start_limit` of the start, as the flat stand-in of a
 // curtain's folds does, the point belongs to the side of it that the viewer sees.
 fn trace_start_seen(position: vec3f, normal: vec3f, view: vec3f) -> vec4f {
-    let start = trace_start(position, normal);
-    let far = start.xyz + view * world.start_limit;
-    let is_seen = trace_visibility(start.xyz, view, world.start_limit) > 0.0;
-    if (start.w > 0.0 && is_seen) || world_distance(far) <= 0.0 {
+    let start = march_out_along_normal(position, normal);
+    if start.w > 0.0 && trace_visibility(start.xyz, view, world.start_limit) > 0.0 {
         return start;
+    }
+    let seen = march_back_from_viewer(start.xyz, normal, view);
+    if seen.w > 0.0 {
+        return seen;
+    }
+    if start.w > 0.0 {
+        return start;
+    }
+    return march_out_through_faces(position, normal);
+}
+
+// Before the first surface that a viewer meets on the last `world.start_limit` metres to a point; w = 0 where that
+// surface looks away from the point's own side, or where there is none.
+fn march_back_from_viewer(position: vec3f, normal: vec3f, view: vec3f) -> vec4f {
+    let far = position + view * world.start_limit;
+    if world_distance(far) <= 0.0 {
+        return vec4f(far, 0.0);
     }
     let arrival = march_ray(far, -view, world.start_limit);
     if arrival.primitive == NO_PRIMITIVE {
-        return start;
+        return vec4f(position, 0.0);
     }
     let place = far - view * arrival.t;
     let face = shape_gradient(world_shape(arrival.primitive), place);
-    let seen = march_out_along_normal(place, face);
-    return select(start, seen, seen.w > 0.0 && dot(face, normal) > 0.0);
+    let start = march_out_along_normal(place, face);
+    return vec4f(start.xyz, select(0.0, start.w, dot(face, normal) > START_BACK));
 }
 
 // The point moved along its normal until `world.start_margin` is free around it, or as much as the gap there has.
