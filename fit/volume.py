@@ -30,8 +30,11 @@ MAX_TRIANGLES = 1_000_000
 _WELD = 1e-7
 """Vertices nearer than this share of the diagonal are one, where exact duplicates leave seams open."""
 
-_FLAT = 1e-9
-"""A piece of less volume than this, in cubes of the diagonal, is a sheet."""
+_FLAT = 1e-4
+"""A piece whose mean thickness, twice its volume by its area, is less than this share of the diagonal is a sheet."""
+
+_KEPT_AREA = 0.9
+"""Share of a piece's area that its closed shells must keep."""
 
 
 @dataclass(frozen=True)
@@ -141,9 +144,18 @@ def _closed_shells(corners: Float64) -> list[Manifold]:
         raise NotClosed("the mesh is open")
     whole = _manifold(points, triangles)
     shells = [shell if shell.volume() >= 0 else _turned(shell) for shell in whole.decompose()]
-    if any(shell.volume() < _FLAT for shell in shells):
+    areas = np.array([shell.surface_area() for shell in shells])
+    is_flat = any(2 * shell.volume() < _FLAT * area for shell, area in zip(shells, areas, strict=True))
+    # manifold3d drops doubled faces without a word; what they covered is then missing.
+    if is_flat or areas.sum() < _KEPT_AREA * _area(points[triangles]):
         raise NotClosed("the mesh has sheets of no volume")
     return shells
+
+
+def _area(corners: Float64) -> float:
+    """Of triangles (t, 3, 3)."""
+    edges = corners[:, 1:] - corners[:, :1]
+    return float(np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum() / 2)
 
 
 def _weld(corners: Float64, tolerance: float = 0.0) -> tuple[Float64, NDArray[np.int64]]:
