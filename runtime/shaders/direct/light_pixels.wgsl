@@ -1,6 +1,6 @@
 // Direct irradiance (suns, spots, points; shadows included) at every pixel of the G-buffer.
 
-import package::lib::frame::{frame, frame_position};
+import package::lib::frame::{frame, frame_position, frame_towards_viewer};
 import package::lib::lights::{direct_irradiance};
 import package::primary::gbuffer::{gbuffer_depth, gbuffer_normal, gbuffer_face_normal};
 
@@ -15,7 +15,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var total = vec3f(0.0);
     if depth > 0.0 {
         let position = frame_position(id.xy, depth);
-        total = direct_irradiance(position, gbuffer_normal(id.xy), gbuffer_face_normal(id.xy));
+        let view = frame_towards_viewer(position);
+        total = direct_irradiance(position, gbuffer_normal(id.xy), gbuffer_face_normal(id.xy), view);
     }
     textureStore(pixel_irradiance, id.xy, vec4f(total, 1.0));
 }

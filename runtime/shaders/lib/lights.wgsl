@@ -4,7 +4,7 @@
 import package::structs::{Light, Lighting};
 import package::lib::brdf::{brdf_lambert};
 import package::lib::camera::{camera_distance, camera_view_position};
-import package::lib::march::{trace_start, trace_visibility};
+import package::lib::march::{trace_start_seen, trace_visibility};
 import package::lib::normal::{normal_unpack};
 import package::lib::punctual::{PUNCTUAL_SUN, punctual_attenuation, punctual_direction, punctual_distance};
 
@@ -59,12 +59,12 @@ fn lights_mapped_visibility(light: Light, position: vec3f, normal: vec3f) -> f32
 }
 
 // Share of a light that reaches a surface point: by its shadow map when it has one, else through the primitives.
-fn lights_visibility(light: Light, position: vec3f, normal: vec3f) -> f32 {
+fn lights_visibility(light: Light, position: vec3f, normal: vec3f, view: vec3f) -> f32 {
     if light.has_tile != 0u {
         return lights_mapped_visibility(light, position, normal);
     }
     // A point of the mesh may lie inside a primitive of the fit: start where it is free.
-    let start = trace_start(position, normal);
+    let start = trace_start_seen(position, normal, view);
     return start.w * lights_traced_visibility(light, start.xyz);
 }
 
@@ -72,8 +72,8 @@ fn lights_traced_visibility(light: Light, position: vec3f) -> f32 {
     return trace_visibility(position, punctual_direction(light, position), punctual_distance(light, position));
 }
 
-// Direct irradiance (W/m2) at a point of the mesh. Both normals face the viewer.
-fn direct_irradiance(position: vec3f, normal: vec3f, geometric_normal: vec3f) -> vec3f {
+// Direct irradiance (W/m2) at a point of the mesh. Both normals face the viewer, who is in the direction `view`.
+fn direct_irradiance(position: vec3f, normal: vec3f, geometric_normal: vec3f, view: vec3f) -> vec3f {
     var total = vec3f(0.0);
     for (var i = 0u; i < lighting.count; i++) {
         let light = lights[i];
@@ -83,7 +83,7 @@ fn direct_irradiance(position: vec3f, normal: vec3f, geometric_normal: vec3f) ->
         if strength <= 0.0 || dot(geometric_normal, towards) <= 0.0 {
             continue;
         }
-        total += light.color * (strength * lights_visibility(light, position, geometric_normal));
+        total += light.color * (strength * lights_visibility(light, position, geometric_normal, view));
     }
     return total;
 }
