@@ -82,7 +82,7 @@ def test_what_is_not_closed_has_no_volume(triangles, reason):
 def test_doubled_sheets_beside_a_solid_are_not_taken_for_it():
     """A seat of two coincident faces and a small closed knob: the knob's volume is not the chair's."""
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=np.float64)
-    seat = np.concatenate([corners[[[0, 1, 2], [0, 2, 3]]], corners[[[0, 2, 1], [0, 3, 2]]]])
+    seat = corners[[[0, 1, 2], [0, 2, 3], [0, 2, 1], [0, 3, 2]]]
     knob = trimesh.creation.box((0.1, 0.1, 0.1)).triangles + (0.5, 0.5, 0.3)
     volume, reason = mesh_volume(from_triangles(np.concatenate([seat, knob])))
     assert volume is None
