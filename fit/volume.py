@@ -31,7 +31,7 @@ _WELD = 1e-7
 """Vertices nearer than this share of the diagonal are one, where exact duplicates leave seams open."""
 
 _FLAT = 1e-4
-"""A piece is a sheet when its mean thickness (twice volume by area) is less than this share of the diagonal."""
+"""A piece is a sheet when its mean thickness (twice volume by area) is below this share of the diagonal."""
 
 _KEPT_AREA = 0.9
 """Share of a piece's area that its closed shells must keep."""

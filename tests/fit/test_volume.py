@@ -83,8 +83,7 @@ def test_doubled_sheets_beside_a_solid_are_not_taken_for_it():
     """A seat of two coincident faces and a small closed knob: the knob's volume is not the chair's."""
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=np.float64)
     seat = corners[[[0, 1, 2], [0, 2, 3], [0, 2, 1], [0, 3, 2]]]
-    knob = trimesh.creation.box((0.1, 0.1, 0.1)).triangles + (0.5, 0.5, 0.3)
-    volume, reason = mesh_volume(from_triangles(np.concatenate([seat, knob])))
+    volume, reason = mesh_volume(surface_of(seat, box((0.1, 0.1, 0.1), center=(0.5, 0.5, 0.3))))
     assert volume is None
     assert "sheets" in reason
 
