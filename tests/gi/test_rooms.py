@@ -18,6 +18,9 @@ OFFSET = (0.1, 0.37, 0.71)
 LAMP = make_box((0.0, 1.47, 0.0), (1.0, 0.06, 1.0), albedo=(0, 0, 0), emission=(5, 5, 5))
 FRAMES = 12
 
+BESIDE_THE_LAMP = (0.69, 0.82, 0.34)
+TOO_BRIGHT = "a probe close to the lamp counts for its whole cell: mean E is 84 % too high"
+
 ONE_PROBE = pytest.param(
     4.0,
     0.3,
@@ -148,9 +151,18 @@ def test_light_stays_in_the_room(technique, make_stage, make_room, inner_surface
     assert_black(stage.irradiance(outside, -normals), inside_mean)
 
 
-@pytest.mark.parametrize(("spacing", "tolerance"), [ONE_PROBE, (2.0, 0.3), (1.0, 0.3), (0.5, 0.1)])
+@pytest.mark.parametrize(
+    ("spacing", "offset", "tolerance"),
+    [
+        pytest.param(4.0, OFFSET, 0.3, marks=ONE_PROBE.marks),
+        (2.0, OFFSET, 0.3),
+        (1.0, OFFSET, 0.3),
+        pytest.param(1.0, BESIDE_THE_LAMP, 0.3, marks=pytest.mark.xfail(strict=True, reason=TOO_BRIGHT)),
+        (0.5, OFFSET, 0.1),
+    ],
+)
 def test_room_with_a_lamp_is_lit(
-    technique, make_stage, make_room, inner_surface, grid_over, spacing, tolerance
+    technique, make_stage, make_room, inner_surface, grid_over, spacing, offset, tolerance
 ):
     """The sealed room's twin: a technique that is black everywhere passes that one and fails this one."""
     points, normals = inner_surface(1500)
@@ -158,7 +170,7 @@ def test_room_with_a_lamp_is_lit(
     points, normals = points[~under_lamp], normals[~under_lamp]
     room = PrimitiveSet.concatenate([make_room(0.2), LAMP])
     expected = reference.indirect_irradiance(room, points, normals, samples=32).mean()
-    stage = make_stage(technique, room, grid=grid_over(spacing, size=3.0, offset=OFFSET)).run(25)
+    stage = make_stage(technique, room, grid=grid_over(spacing, size=3.0, offset=offset)).run(25)
     assert stage.irradiance(points, normals).mean() == pytest.approx(expected, rel=tolerance)
 
 
