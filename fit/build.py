@@ -19,7 +19,7 @@ from fit.grow import Lattice, grow_boxes
 from fit.objective import Targets, error, penalties, set_distances
 from fit.refine import refine
 from fit.scene import Float64
-from fit.shapes import Shapes, join, no_shapes
+from fit.shapes import KINDS, Shapes, are_of, join, no_shapes
 
 SIZES = (4, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)
 """Rounds end at these sizes whatever the budget: a larger budget goes on from where a smaller one stopped."""
@@ -32,6 +32,21 @@ TELEPORTS = 2
 
 EVALUATIONS = 60
 STEP_CELLS = 1.5
+
+
+STEPS = ("parts", "growing", "refinement", "teleportation")
+"""The optional steps in the order in which they join; `bench fit` leaves some out to learn what each brings."""
+
+
+@dataclass(frozen=True)
+class Scope:
+    """The kinds that may stand in the set, and the optional steps that are taken."""
+
+    kinds: tuple[str, ...] = KINDS
+    steps: tuple[str, ...] = STEPS
+
+
+EVERYTHING = Scope()
 
 
 @dataclass(frozen=True)
@@ -50,6 +65,7 @@ def build(
     *,
     limit: int,
     least_gain: float,
+    scope: Scope = EVERYTHING,
     good_enough: Callable[[Shapes], bool] | None = None,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
@@ -63,16 +79,17 @@ def build(
     shapes = fixed.select(slice(0, limit))
     for size in [*(s for s in SIZES if len(fixed) < s < limit), limit]:
         before = len(shapes)
-        shapes = _round(shapes, len(fixed), targets, lattices, pool, size, least, rng)
+        shapes = _round(shapes, len(fixed), targets, lattices, pool, size, least, scope, rng)
         if progress:
             progress(len(shapes) / limit)
         if len(shapes) <= before or (good_enough and good_enough(shapes)):
             break
-    for _ in range(TELEPORTS):
+    for _ in range(TELEPORTS if "teleportation" in scope.steps else 0):
         kept = prune(
             shapes, targets, least_gain=least, kept=len(fixed), at_most=len(shapes) - len(shapes) // 10
         )
-        moved = _round(kept, len(fixed), targets, lattices, pool, min(limit, len(shapes)), least, rng)
+        size = min(limit, len(shapes))
+        moved = _round(kept, len(fixed), targets, lattices, pool, size, least, scope, rng)
         if error(moved, targets) > (1 - 1e-3) * error(shapes, targets):
             break
         shapes = moved
@@ -87,18 +104,26 @@ def _round(
     pool: Pool,
     size: int,
     least: float,
+    scope: Scope,
     rng: np.random.Generator,
 ) -> Shapes:
     distances = set_distances(shapes, targets)
-    grown = propose(targets, lattices, distances, rng)
-    candidates = join([pool.shapes, grown])
-    bonus = np.concatenate([pool.bonus, np.ones(len(grown))])
+    standing = pool.shapes if "parts" in scope.steps else no_shapes()
+    grown = propose(targets, lattices, distances, rng) if "growing" in scope.steps else no_shapes()
+    candidates = join([standing, grown])
+    bonus = np.concatenate([pool.bonus[: len(standing)], np.ones(len(grown))])
+    allowed = are_of(candidates, scope.kinds)
+    candidates, bonus = candidates.select(allowed), bonus[allowed]
     chosen = choose(candidates, targets, distances, count=size - len(shapes), least_gain=least, bonus=bonus)
     shapes = join([shapes, candidates.select(np.array(chosen, np.int64))])
     free = ~shapes.exact
     free[:kept] = False
-    step = STEP_CELLS * lattices[0].cell
-    shapes = refine(shapes, targets, max_step=step, evaluations=EVALUATIONS, free=free)
+    if "refinement" in scope.steps:
+        step = STEP_CELLS * lattices[0].cell
+        shapes = refine(shapes, targets, max_step=step, evaluations=EVALUATIONS, free=free)
+        stays = are_of(shapes, scope.kinds)
+        stays[:kept] = True
+        shapes = shapes.select(stays)
     return prune(shapes, targets, least_gain=least, kept=kept)
 
 

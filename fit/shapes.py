@@ -18,6 +18,8 @@ from fit.scene import Float64
 
 Index = NDArray[np.integer]
 
+KINDS = tuple(kind.name.lower() for kind in Kind)
+
 PARAMETERS = 9
 """Of one shape: centre (3), rotation vector (3), half extents (3)."""
 
@@ -192,12 +194,24 @@ def right_handed(frame: Float64) -> Float64:
 # -------------------------------------------------------------------------------------------- the set
 
 
-def to_primitives(shapes: Shapes) -> PrimitiveSet:
-    """The primitive set, white; boxes as thin as a sheet become planes, their normal along local Y."""
+def is_sheet(shapes: Shapes) -> NDArray[np.bool_]:
+    """Which shapes (n,) are boxes as thin as a plane may be."""
+    smallest, middle, _ = np.sort(shapes.halves, axis=1).T
+    return (shapes.kinds == Kind.BOX) & (smallest <= PLANE_THICKNESS_LIMIT * middle)
+
+
+def are_of(shapes: Shapes, kinds: Sequence[str]) -> NDArray[np.bool_]:
+    """Which shapes (n,) would be written as one of the `kinds`."""
+    written = np.where(is_sheet(shapes), Kind.PLANE, shapes.kinds)
+    return np.isin(written, [Kind[kind.upper()] for kind in kinds])
+
+
+def to_primitives(shapes: Shapes, *, planes: bool = True) -> PrimitiveSet:
+    """The primitive set, white; boxes as thin as a sheet become `planes`, their normal along local Y."""
     kinds, frames, halves = shapes.kinds.copy(), shapes.frames.copy(), shapes.halves.copy()
-    for i in np.flatnonzero(kinds == Kind.BOX):
-        thin = int(np.argmin(halves[i]))
-        if halves[i, thin] <= PLANE_THICKNESS_LIMIT * np.partition(halves[i], 1)[1]:
+    if planes:
+        for i in np.flatnonzero(is_sheet(shapes)):
+            thin = int(np.argmin(halves[i]))
             order = [(thin + 2) % 3, thin, (thin + 1) % 3]  # an even permutation keeps the frame right-handed
             kinds[i], frames[i], halves[i] = Kind.PLANE, frames[i][:, order], halves[i, order]
     count = len(shapes)

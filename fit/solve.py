@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fit.air import find_air
-from fit.build import Pool, build
+from fit.build import STEPS, Pool, Scope, build
 from fit.color import color
 from fit.fit_parts import PartFits, fit_parts
 from fit.grow import make_lattice
@@ -22,7 +22,7 @@ from fit.objective import Targets, set_distances
 from fit.orient import find_frames
 from fit.primitives import PrimitiveSet
 from fit.scene import Float64, Scene
-from fit.shapes import Shapes, to_primitives
+from fit.shapes import KINDS, Shapes, to_primitives
 from fit.spaces import Air
 from fit.split import split
 from fit.surface import Surface, from_scene
@@ -41,7 +41,8 @@ class FitSettings:
     max_primitives, max_bytes (64 a primitive): hard caps; preset: 'coarse' or 'fine' sets `max_primitives`
     and `skip_below` where they are not given; max_error: metres that 95 % of the seen surface must lie within
     of the set; skip_below: share of the projected area under which a part gets no primitive; air: seeds,
-    'outside' or 'x,y,z'; resolution: cells of the air's grid along the bounding diagonal.
+    'outside' or 'x,y,z'; resolution: cells of the air's grid along the bounding diagonal; kinds: those that
+    may stand in the set; steps: those of the method's optional steps, `STEPS`, that are taken.
     """
 
     max_primitives: int | None = None
@@ -52,10 +53,16 @@ class FitSettings:
     seed: int = 0
     resolution: float = 180
     skip_below: float | None = None
+    kinds: tuple[str, ...] = KINDS
+    steps: tuple[str, ...] = STEPS
 
     def __post_init__(self) -> None:
         if self.preset is not None and self.preset not in PRESETS:
             raise ValueError(f"preset {self.preset!r}: expected one of {', '.join(PRESETS)}")
+        for name, known in (("kinds", KINDS), ("steps", STEPS)):
+            unknown = [item for item in getattr(self, name) if item not in known]
+            if unknown:
+                raise ValueError(f"{name} {', '.join(unknown)}: expected some of {', '.join(known)}")
         for name, least in (("max_primitives", 1), ("max_bytes", BYTES_PER_PRIMITIVE), ("max_error", 0)):
             value = getattr(self, name)
             if value is not None and not value >= least:
@@ -103,8 +110,14 @@ class Fit:
     notes: tuple[str, ...]
 
 
-def fit(scene: Scene, settings: FitSettings = FitSettings(), progress: Progress | None = None) -> Fit:
-    """Fits a set of primitives to a scene.
+def fit(
+    scene: Scene,
+    settings: FitSettings = FitSettings(),
+    progress: Progress | None = None,
+    *,
+    air: Air | None = None,
+) -> Fit:
+    """Fits a set of primitives to a scene; `air`: the scene's, where it was found before.
 
     Raises:
         ValueError: no face of the scene stops light, or a seed of the air lies in no space.
@@ -112,7 +125,8 @@ def fit(scene: Scene, settings: FitSettings = FitSettings(), progress: Progress 
     stages = _Stages(progress)
     with stages("air"):
         surface = from_scene(scene)
-        air = find_air(surface, scene, resolution=settings.resolution, seeds=settings.air)
+        if air is None:
+            air = find_air(surface, scene, resolution=settings.resolution, seeds=settings.air)
     with stages("samples"):
         seen = see_surface(air, SURFACE_SAMPLES, settings.seed)
         parts = split(scene, air.walls)
@@ -128,11 +142,13 @@ def fit(scene: Scene, settings: FitSettings = FitSettings(), progress: Progress 
         ]
         shapes = build(
             targets, lattices, _pool(parts_fits), fixed,
-            limit=settings.limit(), least_gain=settings.least_gain(),
-            good_enough=_within(targets, settings.max_error), seed=settings.seed, progress=stages.fraction,
+            limit=settings.limit(), least_gain=settings.least_gain(), seed=settings.seed,
+            scope=Scope(settings.kinds, settings.steps),
+            good_enough=_within(targets, settings.max_error), progress=stages.fraction,
         )  # fmt: skip
     with stages("color"):
-        primitives = color(to_primitives(shapes), scene, air.walls, seen, _by_area(seen))
+        uncolored = to_primitives(shapes, planes="plane" in settings.kinds)
+        primitives = color(uncolored, scene, air.walls, seen, _by_area(seen))
     with stages("measure"):
         metrics = measure(primitives, surface, air, seed=settings.seed)
     return Fit(primitives, surface, air, metrics, skipped, stages.seconds, _notes(shapes, settings, targets))
