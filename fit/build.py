@@ -35,7 +35,7 @@ STEP_CELLS = 1.5
 
 
 STEPS = ("parts", "growing", "refinement", "teleportation")
-"""The optional steps in the order in which they join; `bench fit` leaves some out to learn what each brings."""
+"""The optional steps in the order they join; `bench fit` leaves some out to learn what each brings."""
 
 
 @dataclass(frozen=True)
