@@ -6,9 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import pdist
 
-from fit.primitives import PrimitiveSet
+from fit.primitives import Kind, PrimitiveSet
 from fit.sample import sample_surface
 from fit.scene import Float64
 from fit.sdf import gradient, sample_boundary, union_distance
@@ -16,6 +19,8 @@ from fit.spaces import Air
 from fit.surface import Surface
 from fit.trace import first_hits
 from fit.volume import compare_volumes
+
+Bool = NDArray[np.bool_]
 
 SURFACE_SAMPLES = 20_000
 BOUNDARY_SAMPLES = 40_000
@@ -30,6 +35,12 @@ CLEAR_CELLS = 1.4
 MISSED_SHARE = 0.01
 """Of the diagonal: from this difference on, a hit is a leak or a ray blocked."""
 
+HOLE_NEIGHBOURS = 6
+"""A hit of a ray is connected to as many nearest ones, as a point of a triangulated surface is."""
+
+_HOLE_DIRECTIONS = 256
+"""In which a hole's extreme points are looked for: its diameter is right to half a percent."""
+
 
 @dataclass(frozen=True)
 class Metrics:
@@ -43,7 +54,10 @@ class Metrics:
     false_solid: share of the free air, 1.4 cells off the surface, that the set fills. air_distance_error:
     mean difference of the set's distance there and the surface's. leaks: share of the first hits of random
     rays that the set lets pass by over 1 % of the diagonal; blocked: share of rays that it stops as much too
-    early; hit_error_pct: mean difference of the hits. iou, volume_error: exact; None where the mesh is open.
+    early; hit_error_pct: mean difference of the hits. largest_hole_m: diameter of the widest cluster of hits
+    that leak; two hits are connected when one is among the other's six nearest on the mesh, leaking or not,
+    so that a hit that the set stops lies between two holes, and a single ray that slips by has no width.
+    iou, volume_error: exact; None where the mesh is open.
     """
 
     surface_to_set_mean_m: float
@@ -58,20 +72,71 @@ class Metrics:
     leaks: float
     blocked: float
     hit_error_pct: float
+    largest_hole_m: float
     diag_m: float
     iou: float | None
     volume_error: float | None
 
 
-def measure(primitives: PrimitiveSet, surface: Surface, air: Air, *, seed: int = 0) -> Metrics:
-    """All metrics of a set against the surface it was fitted to, at the same points for every set."""
-    diagonal = surface.diagonal
+@dataclass(frozen=True)
+class PrimitiveError:
+    """What one primitive answers for: `surface_share` of the surface that air touches is nearest to it, at
+    these distances; of the free air it fills `false_solid`."""
+
+    kind: str
+    surface_share: float
+    surface_to_set_mean_m: float
+    surface_to_set_max_m: float
+    false_solid: float
+
+
+@dataclass(frozen=True)
+class Probes:
+    """Where sets are measured, the same for every set: surface (s, 3), points that air touches; air (a, 3),
+    points of the free air, and their distances (a,) to the surface; rays from there along `directions`
+    (a, 3), and where they meet the mesh, on_mesh (a,), inf where they don't; diagonal of the surface."""
+
+    surface: Float64
+    air: Float64
+    air_distance: Float64
+    clear: Bool
+    directions: Float64
+    on_mesh: Float64
+    diagonal: float
+
+
+def place_probes(surface: Surface, air: Air, seed: int = 0) -> Probes:
+    """Draws the points and rays of every metric but those that start at the set's own boundary."""
+    samples = sample_surface(surface, SURFACE_SAMPLES, seed)
+    touched = air.touches(samples.points, samples.normals) != 0
+    points, distance = air.random_points_and_distances(AIR_POINTS, seed)
+    directions = np.random.default_rng((seed, 1)).normal(size=points.shape)
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    return Probes(
+        surface=samples.points[touched],
+        air=points,
+        air_distance=distance,
+        clear=distance >= CLEAR_CELLS * air.cell,
+        directions=directions,
+        on_mesh=air.rays.first_hit(points, directions)[0],
+        diagonal=surface.diagonal,
+    )
+
+
+def measure(
+    primitives: PrimitiveSet, surface: Surface, air: Air, *, seed: int = 0, probes: Probes | None = None
+) -> Metrics:
+    """All metrics of a set against the surface it was fitted to.
+
+    `probes`: from `place_probes` of the same surface, air and seed; giving them to several calls saves time.
+    """
+    probes = probes or place_probes(surface, air, seed)
+    diagonal = probes.diagonal
     boundary, normals = _union_boundary(primitives, air, diagonal, seed)
-    to_set = np.minimum(_surface_to_set(primitives, surface, air, boundary, seed), diagonal)
+    to_set = np.minimum(_surface_to_set(primitives, probes, boundary), diagonal)
     to_surface = _set_to_surface(air, boundary, normals)
-    points, free_distance = air.random_points_and_distances(AIR_POINTS, seed)
-    false_solid, air_error = _air_errors(primitives, air, points, free_distance, diagonal)
-    leaks, blocked, hit_error = _ray_errors(primitives, air, points, diagonal, seed)
+    false_solid, air_error = _air_errors(primitives, probes)
+    leaks, blocked, hit_error, largest_hole = _ray_errors(primitives, probes)
     volumes = compare_volumes(primitives, air.walls, air)
     return Metrics(
         surface_to_set_mean_m=_mean(to_set),
@@ -86,10 +151,32 @@ def measure(primitives: PrimitiveSet, surface: Surface, air: Air, *, seed: int =
         leaks=leaks,
         blocked=blocked,
         hit_error_pct=hit_error,
+        largest_hole_m=largest_hole,
         diag_m=diagonal,
         iou=volumes.iou,
         volume_error=volumes.error,
     )
+
+
+def measure_each(primitives: PrimitiveSet, probes: Probes) -> tuple[PrimitiveError, ...]:
+    """The share of each primitive in the errors of the set, in the set's order."""
+    signed, owner = union_distance(primitives, probes.surface)
+    clear = probes.air[probes.clear]
+    in_air, filler = union_distance(primitives, clear)
+    filled = np.bincount(filler[in_air < 0], minlength=len(primitives)) / max(len(clear), 1)
+    errors = []
+    for i in range(len(primitives)):
+        own = np.abs(signed[owner == i])
+        errors.append(
+            PrimitiveError(
+                kind=Kind(primitives.kinds[i]).name.lower(),
+                surface_share=len(own) / max(len(signed), 1),
+                surface_to_set_mean_m=_mean(own),
+                surface_to_set_max_m=float(own.max(initial=0.0)),
+                false_solid=float(filled[i]),
+            )
+        )
+    return tuple(errors)
 
 
 def _union_boundary(
@@ -104,12 +191,9 @@ def _union_boundary(
     return points[exposed], normals[exposed]
 
 
-def _surface_to_set(
-    primitives: PrimitiveSet, surface: Surface, air: Air, boundary: Float64, seed: int
-) -> Float64:
-    """Unsigned distance to the union's boundary of the surface samples that air touches."""
-    samples = sample_surface(surface, SURFACE_SAMPLES, seed)
-    points = samples.points[air.touches(samples.points, samples.normals) != 0]
+def _surface_to_set(primitives: PrimitiveSet, probes: Probes, boundary: Float64) -> Float64:
+    """Unsigned distance to the union's boundary of the surface that air touches."""
+    points = probes.surface
     signed, index = union_distance(primitives, points)
     distance = np.abs(signed)
     inside = np.flatnonzero(signed < 0)
@@ -118,7 +202,7 @@ def _surface_to_set(
         # sample of the union's boundary counts, exact to the spacing of the samples.
         way_out = gradient(primitives, points[inside], index[inside])
         leaving = points[inside] - way_out * signed[inside, None]
-        covered = inside[union_distance(primitives, leaving)[0] < -1e-9 * surface.diagonal]
+        covered = inside[union_distance(primitives, leaving)[0] < -1e-9 * probes.diagonal]
         distance[covered] = np.maximum(distance[covered], cKDTree(boundary).query(points[covered])[0])
     return distance
 
@@ -130,30 +214,52 @@ def _set_to_surface(air: Air, boundary: Float64, normals: Float64) -> Float64:
     return distance[touched]
 
 
-def _air_errors(
-    primitives: PrimitiveSet, air: Air, points: Float64, free_distance: Float64, diagonal: float
-) -> tuple[float, float]:
+def _air_errors(primitives: PrimitiveSet, probes: Probes) -> tuple[float, float]:
     """Share of clear air points inside the set, and the mean error of the distance there."""
-    clear = free_distance >= CLEAR_CELLS * air.cell
-    signed = np.minimum(union_distance(primitives, points[clear])[0], diagonal)
-    return _mean(signed < 0), _mean(np.abs(signed - free_distance[clear]))
+    signed = np.minimum(union_distance(primitives, probes.air[probes.clear])[0], probes.diagonal)
+    return _mean(signed < 0), _mean(np.abs(signed - probes.air_distance[probes.clear]))
 
 
-def _ray_errors(
-    primitives: PrimitiveSet, air: Air, points: Float64, diagonal: float, seed: int
-) -> tuple[float, float, float]:
-    """Leaks, blocked, and the mean error of the hit distance in percent of the diagonal."""
-    directions = np.random.default_rng((seed, 1)).normal(size=points.shape)
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
-    on_mesh = air.rays.first_hit(points, directions)[0]
-    on_set = first_hits(primitives, points, directions)
+def _ray_errors(primitives: PrimitiveSet, probes: Probes) -> tuple[float, float, float, float]:
+    """Leaks, blocked, the mean error of the hit distance in percent of the diagonal, the largest hole."""
+    on_mesh = probes.on_mesh
+    on_set = first_hits(primitives, probes.air, probes.directions)
     met = np.isfinite(on_mesh)
-    missed = MISSED_SHARE * diagonal
-    with np.errstate(invalid="ignore"):  # inf - inf: neither is hit
-        late, early = on_set - on_mesh > missed, on_mesh - on_set > missed
-    error = np.abs(np.minimum(on_set, diagonal) - np.minimum(on_mesh, diagonal))
-    return _mean(late[met]), _mean(early), 100 * _mean(error) / diagonal
+    missed = MISSED_SHARE * probes.diagonal
+    late, early = on_set > on_mesh + missed, on_mesh > on_set + missed  # inf > inf is False: both miss
+    error = np.abs(np.minimum(on_set, probes.diagonal) - np.minimum(on_mesh, probes.diagonal))
+    hits = probes.air[met] + on_mesh[met, None] * probes.directions[met]
+    hole = _largest_hole(hits, late[met])
+    return _mean(late[met]), _mean(early), 100 * _mean(error) / probes.diagonal, hole
 
 
-def _mean(values: Float64 | NDArray[np.bool_], empty: float = 0.0) -> float:
+def _largest_hole(hits: Float64, leaking: Bool) -> float:
+    """Largest diameter of the clusters of leaking hits (p, 3), connected through their nearest neighbours."""
+    if np.count_nonzero(leaking) < 2:
+        return 0.0
+    rows = np.flatnonzero(leaking)
+    neighbours = cKDTree(hits).query(hits[rows], k=np.arange(2, min(HOLE_NEIGHBOURS + 2, len(hits) + 1)))[1]
+    number = np.full(len(hits), -1)
+    number[rows] = np.arange(len(rows))
+    ends = number[neighbours]
+    start, column = np.nonzero(ends >= 0)
+    links = coo_array((np.ones(len(start), bool), (start, ends[start, column])), shape=(len(rows),) * 2)
+    _, cluster = connected_components(links, directed=False)
+    order = np.argsort(cluster, kind="stable")
+    clusters = np.split(rows[order], np.flatnonzero(np.diff(cluster[order])) + 1)
+    return max(_diameter(hits[members]) for members in clusters)
+
+
+def _diameter(points: Float64) -> float:
+    """Largest distance between two of the points (p, 3), among those that are extreme in some direction."""
+    if len(points) > _HOLE_DIRECTIONS:
+        height = (np.arange(_HOLE_DIRECTIONS) + 0.5) / _HOLE_DIRECTIONS
+        angle = np.pi * (1 + np.sqrt(5)) * np.arange(_HOLE_DIRECTIONS)  # Vogel's spiral over half a sphere
+        across = np.sqrt(1 - height**2)
+        along = points @ np.stack([across * np.cos(angle), across * np.sin(angle), height])
+        points = points[np.unique([along.argmin(axis=0), along.argmax(axis=0)])]
+    return float(pdist(points).max(initial=0.0))
+
+
+def _mean(values: Float64 | Bool, empty: float = 0.0) -> float:
     return float(np.mean(values)) if len(values) else empty

@@ -9,7 +9,7 @@ import trimesh
 
 from fit.air import find_air
 from fit.gltf import load
-from fit.measure import measure
+from fit.measure import measure, measure_each, place_probes
 from fit.primitives import (
     PrimitiveSet,
     make_box,
@@ -35,6 +35,7 @@ REPORT_KEYS = [
     "leaks",
     "blocked",
     "hit_error_pct",
+    "largest_hole_m",
     "diag_m",
     "iou",
     "volume_error",
@@ -161,6 +162,7 @@ def test_a_missing_wall_leaks_its_share_of_the_light():
     assert metrics.blocked == 0
     assert metrics.surface_to_set_max_m > 1
     assert metrics.covered_half_pct == pytest.approx(5 / 6, abs=0.02)
+    assert metrics.largest_hole_m == pytest.approx(3 * np.sqrt(2), rel=0.05)
 
 
 def test_what_floats_in_a_room_blocks():
@@ -185,6 +187,35 @@ def test_a_louvre_covers_but_is_found_out_by_its_holes():
     assert metrics.covered_25cm == 1
     assert metrics.false_solid == 0
     assert metrics.leaks > 0.01
+
+
+def test_holes_are_apart_where_the_set_stops_light_between_them():
+    """Two openings of 0.6 x 0.6 m in one wall, 1.2 m apart."""
+    surface = room_surface()
+    air = air_around(surface, seeds=[(0, 0, 0)])
+    posts = [make_box((1.6, 0, z), (0.2, 3.4, w)) for z, w in ((-1.35, 0.6), (0, 1.2), (1.35, 0.6))]
+    beams = [make_box((1.6, y, 0), (0.2, 1.4, 3.4)) for y in (-1, 1)]
+    metrics = measure(
+        PrimitiveSet.concatenate([*room_set()[:1], *room_set()[2:], *posts, *beams]), surface, air
+    )
+    assert 0.5 < metrics.largest_hole_m < 1.0
+
+
+def test_each_primitive_answers_for_its_own_errors():
+    surface = room_surface()
+    air = air_around(surface, seeds=[(0, 0, 0)])
+    slabs = room_set()
+    slabs[0] = make_box((-1.5, 0, 0), (0.2, 3.4, 3.4))  # 10 cm too far inside
+    probes = place_probes(surface, air)
+    errors = measure_each(PrimitiveSet.concatenate([*slabs, make_sphere(radius=0.5)]), probes)
+    assert [e.kind for e in errors] == ["box"] * 6 + ["sphere"]
+    assert errors[0].surface_to_set_mean_m == pytest.approx(0.1, abs=0.01)
+    assert errors[0].surface_share == pytest.approx(1 / 6, abs=0.03)
+    assert max(e.surface_to_set_max_m for e in errors[2:6]) < 0.1
+    assert errors[6].surface_share == 0
+    whole = measure(PrimitiveSet.concatenate([*slabs, make_sphere(radius=0.5)]), surface, air, probes=probes)
+    assert sum(e.false_solid for e in errors) == pytest.approx(whole.false_solid)
+    assert errors[6].false_solid > 0.01
 
 
 def test_a_surface_within_overlapping_primitives_is_as_deep_as_the_union():
