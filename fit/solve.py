@@ -17,7 +17,7 @@ from fit.color import color
 from fit.fit_parts import PartFits, fit_parts
 from fit.grow import make_lattice
 from fit.keep import emissive_parts, skip_small_parts
-from fit.measure import Metrics, measure
+from fit.measure import Metrics, PrimitiveError, measure, measure_each, place_probes
 from fit.objective import Targets, set_distances
 from fit.orient import find_frames
 from fit.primitives import PrimitiveSet
@@ -99,12 +99,14 @@ COARSE, FINE = FitSettings(preset="coarse"), FitSettings(preset="fine")
 
 @dataclass(frozen=True)
 class Fit:
-    """The set, what it was fitted to and how well; skipped_parts: name and shares; CPU seconds by stage."""
+    """The set, what it was fitted to and how well, errors of each primitive; skipped_parts: name and shares;
+    seconds of CPU by stage."""
 
     primitives: PrimitiveSet
     surface: Surface
     air: Air
     metrics: Metrics
+    errors: tuple[PrimitiveError, ...]
     skipped_parts: list[dict[str, object]]
     seconds: dict[str, float]
     notes: tuple[str, ...]
@@ -150,8 +152,11 @@ def fit(
         uncolored = to_primitives(shapes, planes="plane" in settings.kinds)
         primitives = color(uncolored, scene, air.walls, seen, _by_area(seen))
     with stages("measure"):
-        metrics = measure(primitives, surface, air, seed=settings.seed)
-    return Fit(primitives, surface, air, metrics, skipped, stages.seconds, _notes(shapes, settings, targets))
+        probes = place_probes(surface, air, settings.seed)
+        metrics = measure(primitives, surface, air, seed=settings.seed, probes=probes)
+        errors = measure_each(primitives, probes)
+    notes = _notes(shapes, settings, targets)
+    return Fit(primitives, surface, air, metrics, errors, skipped, stages.seconds, notes)
 
 
 PART_BONUS, EXACT_BONUS = 1.1, 1.5

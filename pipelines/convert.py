@@ -25,6 +25,7 @@ SHOWN_METRICS = {
     "false solid": "false_solid",
     "leaks": "leaks",
     "blocked": "blocked",
+    "hole, m": "largest_hole_m",
 }
 """The metrics that the printed table shows, by their headers; the report has all of them."""
 
@@ -38,6 +39,7 @@ EMPTY_ROW: dict[str, Any] = {
     "seconds": None,
     "peak_rss_mb": None,
     "metrics": None,
+    "per_primitive": [],
     "air": [],
     "repairs": {},
     "ignored": [],
@@ -196,6 +198,7 @@ def describe_fit(result: Any) -> dict[str, Any]:
     """A row's keys that follow from a `fit.solve.Fit`."""
     return describe_primitives(result.primitives) | {
         "metrics": asdict(result.metrics),
+        "per_primitive": [asdict(error) for error in result.errors],
         "air": [asdict(space) for space in result.air.spaces],
         "skipped_parts": list(result.skipped_parts),
         "notes": list(result.notes),

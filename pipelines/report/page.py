@@ -31,6 +31,7 @@ METRICS = (
     ("leaks", "rays that leak through", "%", "share of the rays that hit the mesh"),
     ("blocked", "rays that are stopped too early", "%", ""),
     ("hit_error_pct", "hit error, mean, of the diagonal", "pct", ""),
+    ("largest_hole_m", "largest hole", "m", "diameter of the widest cluster of leaking hits"),
     ("iou", "intersection over union", "", "where the mesh is closed"),
     ("volume_error", "volume error", "", "where the mesh is closed"),
 )

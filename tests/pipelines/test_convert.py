@@ -21,13 +21,14 @@ from pipelines.convert import ConvertSettings, FileProgress
 
 ROW_KEYS = {
     "source", "status", "primitives", "kinds", "bytes", "seconds", "peak_rss_mb", "metrics", "air", "repairs",
-    "ignored", "skipped_parts",
+    "ignored", "skipped_parts", "per_primitive",
 }  # fmt: skip
 
 METRIC_KEYS = {
     "surface_to_set_mean_m", "surface_to_set_p95_m", "surface_to_set_max_m", "covered_25cm",
     "covered_half_pct", "set_to_surface_mean_m", "false_solid", "air_distance_error_m",
-    "air_distance_error_pct", "leaks", "blocked", "hit_error_pct", "diag_m", "iou", "volume_error",
+    "air_distance_error_pct", "leaks", "blocked", "hit_error_pct", "largest_hole_m", "diag_m",
+    "iou", "volume_error",
 }  # fmt: skip
 
 
@@ -78,6 +79,7 @@ def test_rows_have_the_promised_keys(batch: tuple[dict[str, Any], Path, list[lis
     assert sum(good["kinds"].values()) == good["primitives"] <= 8
     assert good["seconds"] > 0
     assert good["air"]
+    assert len(good["per_primitive"]) == good["primitives"]
 
 
 def test_results_carry_unique_names_and_agree(
