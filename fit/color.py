@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fit.glow import Glow, alpha_cutoffs, find_glow
 from fit.primitives import Kind, PrimitiveSet, shared_face_colors
-from fit.scene import AlphaMode, Float64, Scene
-from fit.sdf import distance
-from fit.surface import TRANSPARENT_ALPHA, Surface, colors
+from fit.scene import Float64, Scene
+from fit.sdf import distance, primitive_face, sample_boundary, union_distance
+from fit.spaces import Air
+from fit.surface import colors
 from fit.targets import Seen
 
 Index = NDArray[np.int64]
@@ -21,36 +23,73 @@ _BEHIND = 1e-9
 _MIDDLE = 0.4
 """Of the thickness: both sides of a sheet lie near the middle of its primitive, and count."""
 
+_EXPOSURE_SAMPLES = 4_000
+"""Points on the primitives that emit, by which the part of each face that air touches is known."""
 
-def color(
-    primitives: PrimitiveSet, scene: Scene, walls: Surface, seen: Seen, weights: Float64
-) -> PrimitiveSet:
-    """The set with the area-weighted means of the textured linear colours of the surface near each face.
+
+def color(primitives: PrimitiveSet, scene: Scene, air: Air, seen: Seen, *, seed: int = 0) -> PrimitiveSet:
+    """The set with the textured linear colours of the surface near each face.
 
     Every seen sample goes to the primitive whose boundary is nearest, and there to the face that looks its
-    way: so the two sides of a thin wall keep their own colours. A face that stands for no sample takes its
-    primitive's mean, a primitive without any the mean of the scene. Where alpha cuts a hole, nothing reflects
-    a colour and nothing emits.
-    weights (p,): of the samples.
+    way: so the two sides of a thin wall keep their own colours. Albedo is the mean over the area; a face that
+    stands for no sample takes its primitive's mean, a primitive without any the mean of the scene. Where
+    alpha cuts a hole, nothing reflects a colour and nothing emits.
+
+    A face emits the light of the lamps that it stands for, spread over what air touches of the face, and
+    never brighter than they are; a face that stands for no lamp emits nothing.
     """
     if len(primitives) == 0 or len(seen) == 0:
         return primitives
-    owner = nearest_primitive(primitives, seen.samples.points, seen.normals)
-    face, turned_here = facing(primitives, owner, seen.samples.points, seen.normals)
-    weights = np.where(turned_here, weights, _BEHIND * weights)
-    albedo, emission, alpha = colors(scene, walls, seen.samples.triangle, seen.samples.barycentric)
-    shown = alpha >= _cutoffs(scene)[walls.material[seen.samples.triangle]]
-    slot = owner * 6 + face
-    shared = [
-        shared_face_colors(
-            primitives.kinds, _means(values, slot, mass, len(primitives)), primitives.face_areas()
-        )
-        for values, mass in (
-            (np.clip(albedo, 0.0, 1.0), weights * shown),
-            (np.maximum(emission, 0.0) * shown[:, None], weights),
-        )
-    ]
-    return replace(primitives, albedo=shared[0], emission=shared[1])
+    albedo = _albedo(primitives, scene, air, seen)
+    emission = _emission(primitives, find_glow(scene, air, seed), air, seed)
+    return replace(
+        primitives,
+        albedo=shared_face_colors(primitives.kinds, albedo),
+        emission=shared_face_colors(primitives.kinds, emission),
+    )
+
+
+def _albedo(primitives: PrimitiveSet, scene: Scene, air: Air, seen: Seen) -> Float64:
+    samples = seen.samples
+    owner = nearest_primitive(primitives, samples.points, seen.normals)
+    face, turned_here = facing(primitives, owner, samples.points, seen.normals)
+    albedo, _, alpha = colors(scene, air.walls, samples.triangle, samples.barycentric)
+    shown = alpha >= alpha_cutoffs(scene)[air.walls.material[samples.triangle]]
+    # Means over area: hits of rays only speak where no sample by area lies.
+    weights = seen.weights * np.where(seen.by_area, 1.0, 1e-6) * np.where(turned_here, 1.0, _BEHIND) * shown
+    slot = _slots(primitives, owner, face)
+    sums = _sums(np.clip(albedo, 0.0, 1.0) * weights[:, None], slot, len(primitives))
+    mass = _sums(weights[:, None], slot, len(primitives))
+    scene_mean = _ratio(sums.sum(axis=(0, 1)), mass.sum(axis=(0, 1)), np.zeros(3))
+    own_mean = _ratio(sums.sum(axis=1), mass.sum(axis=1), scene_mean)
+    return _shared(primitives, _ratio(sums, mass, own_mean[:, None]))
+
+
+def _emission(primitives: PrimitiveSet, glow: Glow, air: Air, seed: int) -> Float64:
+    if len(glow) == 0:
+        return np.zeros((len(primitives), 6, 3))
+    owner = nearest_primitive(primitives, glow.points, glow.normals)
+    slot = _slots(primitives, owner, facing(primitives, owner, glow.points, glow.normals)[0])
+    flux = _sums(glow.flux, slot, len(primitives))
+    area = _sums(glow.areas[:, None], slot, len(primitives))
+    lit = np.unique(owner)
+    area[lit] = np.maximum(area[lit], _exposed_areas(primitives, lit, air, seed))
+    return _shared(primitives, _ratio(flux, area, np.zeros(3)))
+
+
+def _exposed_areas(primitives: PrimitiveSet, which: Index, air: Air, seed: int) -> Float64:
+    """Area (k, 6, 1) of what air touches of the faces of the primitives `which` (k,), by `_slots`."""
+    finite = which[~primitives.is_half_space[which]]
+    chosen = primitives.select(finite)
+    exposed = np.zeros((len(primitives), 6, 1))
+    if len(chosen):
+        points, normals, index = sample_boundary(chosen, _EXPOSURE_SAMPLES, seed)
+        free = union_distance(primitives, points)[0] > -1e-9 * air.walls.diagonal
+        free &= np.isin(air.labels_seen(points, normals), air.air_labels)
+        slot = 6 * finite[index] + primitive_face(chosen, points, index)
+        area = float(chosen.face_areas().sum()) / _EXPOSURE_SAMPLES
+        exposed = _sums(np.full((int(free.sum()), 1), area), slot[free], len(primitives))
+    return exposed[which]
 
 
 def nearest_primitive(primitives: PrimitiveSet, points: Float64, normals: Float64) -> Index:
@@ -88,20 +127,34 @@ def facing(
     return 2 * axis + negative, depth <= _MIDDLE * primitives.sizes[owner, axis]
 
 
-def _cutoffs(scene: Scene) -> Float64:
-    """Alpha (m + 1,) below which each material is a hole; the last one stands for index -1, no material."""
-    cutoff = {AlphaMode.OPAQUE: -np.inf, AlphaMode.BLEND: TRANSPARENT_ALPHA}
-    return np.array([*(cutoff.get(m.alpha_mode, m.alpha_cutoff) for m in scene.materials), -np.inf])
+_SIDES = [0, 1, 4, 5]
 
 
-def _means(values: Float64, slot: Index, weights: Float64, count: int) -> Float64:
-    """Weighted means (n, 6, 3) over the slots; of the primitive, then of all, where a slot has no sample."""
-    mass = np.bincount(slot, weights=weights, minlength=count * 6).reshape(count, 6)
-    sums = np.stack(
-        [np.bincount(slot, weights=weights * values[:, c], minlength=count * 6) for c in range(3)], axis=1
-    ).reshape(count, 6, 3)
-    whole = sums.sum(axis=(0, 1)) / max(float(mass.sum()), np.finfo(float).tiny)
-    own_mass, own_sum = mass.sum(axis=1), sums.sum(axis=1)
-    own = np.where(own_mass[:, None] > 0, own_sum / np.where(own_mass > 0, own_mass, 1.0)[:, None], whole)
-    face = sums / np.where(mass > 0, mass, 1.0)[:, :, None]
-    return np.where(mass[:, :, None] > 0, face, own[:, None, :])
+def _slots(primitives: PrimitiveSet, owner: Index, face: Index) -> Index:
+    """Row (p,) of a face in a table of six a primitive; spheres and cylinders' sides have the first only."""
+    kinds = primitives.kinds[owner]
+    round_ = (kinds == Kind.SPHERE) | ((kinds == Kind.CYLINDER) & np.isin(face, _SIDES))
+    return 6 * owner + np.where(round_, 0, face)
+
+
+def _shared(primitives: PrimitiveSet, values: Float64) -> Float64:
+    """Values (n, 6, 3) with the first slot of spheres and of cylinders' sides on all faces it stands for."""
+    shared = values.copy()
+    for kind, faces in ((Kind.SPHERE, range(6)), (Kind.CYLINDER, _SIDES)):
+        for face in faces:
+            shared[primitives.kinds == kind, face] = values[primitives.kinds == kind, 0]
+    return shared
+
+
+def _sums(values: Float64, slot: Index, count: int) -> Float64:
+    """Sums (n, 6, c) of values (p, c) over the slots."""
+    sums = np.zeros((6 * count, values.shape[1]))
+    for channel in range(values.shape[1]):
+        sums[:, channel] = np.bincount(slot, weights=values[:, channel], minlength=6 * count)
+    return sums.reshape(count, 6, -1)
+
+
+def _ratio(sums: Float64, mass: Float64, empty: Float64) -> Float64:
+    """sums / mass, and `empty` where there is no mass."""
+    ratio: Float64 = np.where(mass > 0, sums / np.where(mass > 0, mass, 1.0), empty)
+    return ratio

@@ -21,12 +21,12 @@ from fit.measure import Metrics, PrimitiveError, measure, measure_each, place_pr
 from fit.objective import Targets, set_distances
 from fit.orient import find_frames
 from fit.primitives import PrimitiveSet
-from fit.scene import Float64, Scene
+from fit.scene import Scene
 from fit.shapes import KINDS, Shapes, to_primitives
 from fit.spaces import Air
 from fit.split import split
 from fit.surface import Surface, from_scene
-from fit.targets import Seen, make_targets, see_surface
+from fit.targets import make_targets, see_surface
 
 BYTES_PER_PRIMITIVE = 64
 SURFACE_SAMPLES, AIR_SAMPLES = 12_000, 16_000
@@ -150,7 +150,7 @@ def fit(
         )  # fmt: skip
     with stages("color"):
         uncolored = to_primitives(shapes, planes="plane" in settings.kinds)
-        primitives = color(uncolored, scene, air.walls, seen, _by_area(seen))
+        primitives = color(uncolored, scene, air, seen, seed=settings.seed)
     with stages("measure"):
         probes = place_probes(surface, air, settings.seed)
         metrics = measure(primitives, surface, air, seed=settings.seed, probes=probes)
@@ -165,11 +165,6 @@ PART_BONUS, EXACT_BONUS = 1.1, 1.5
 
 def _pool(parts: PartFits) -> Pool:
     return Pool(parts.shapes, np.where(parts.shapes.exact, EXACT_BONUS, PART_BONUS))
-
-
-def _by_area(seen: Seen) -> Float64:
-    """Weights (p,) for means over area; rays' hits only speak where no sample by area lies."""
-    return np.where(seen.by_area, seen.weights, 1e-6 * seen.weights)
 
 
 def _within(targets: Targets, max_error: float | None) -> Callable[[Shapes], bool] | None:

@@ -31,7 +31,7 @@ def colored(material: Material, pixels: np.ndarray) -> PrimitiveSet:
     )
     air = find_air(from_scene(scene), scene, resolution=40)
     seen = see_surface(air, 8000, 0)
-    return color(make_plane((0, 0, 0), 2, 2, 0.01), scene, air.walls, seen, seen.weights)
+    return color(make_plane((0, 0, 0), 2, 2, 0.01), scene, air, seen)
 
 
 @pytest.mark.parametrize("mode", [AlphaMode.MASK, AlphaMode.BLEND, AlphaMode.OPAQUE])
