@@ -1,0 +1,154 @@
+"""The solid that closed surfaces bound: which points are inside, and how deep.
+
+Most rooms are open sheets, whose far side is don't-care. A closed body is more: its inside is known to be
+solid, so a set that stands for it should fill it. `find_solid` says where that is so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from fit.bvh import TriangleTree
+from fit.objective import Targets
+from fit.rays import RayCaster
+from fit.scene import Float64
+from fit.spaces import Air
+from fit.split import Parts
+from fit.surface import Surface, from_triangles
+from fit.volume import NotClosed, mesh_solid
+
+MOST_TRIANGLES = 400_000
+"""Of closed surfaces: their exact union takes seconds beyond."""
+
+MOST_PIECES = 256
+"""Connected closed surfaces united, those of the largest area."""
+
+DEEPEST_CELLS = 0.5
+"""A union's distance is a bound where its shapes overlap: deeper than this nothing is asked for."""
+
+FARTHEST_CELLS = 1.5
+"""What is not filled counts by how much it is, hardly by how deep: farther distances count as this one."""
+
+NEAR_CELLS = 3
+"""Points nearer to the surface than this tell of detail and are drawn as densely as the air's."""
+
+_VOTES = np.array([[0.86, 0.41, 0.31], [-0.47, 0.83, 0.3], [0.21, -0.38, -0.9]])
+"""Directions of the rays that tell inside from outside; the majority decides where one grazes an edge."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A solid by its boundary: t triangles, counter-clockwise seen from outside, that nowhere meet."""
+
+    boundary: Surface
+    tree: TriangleTree
+    rays: RayCaster
+
+    def inside(self, points: Float64) -> NDArray[np.bool_]:
+        """Which of the points (p, 3) lie in the solid: rays from there first meet the back of a face."""
+        votes = np.zeros(len(points), np.int64)
+        for direction in _VOTES / np.linalg.norm(_VOTES, axis=1, keepdims=True):
+            _, triangle = self.rays.first_hit(points, np.broadcast_to(direction, points.shape))
+            votes += (triangle >= 0) & (self.boundary.normals[triangle] @ direction > 0)
+        return 2 * votes > len(_VOTES)
+
+    def distances(self, points: Float64) -> Float64:
+        """Signed distance (p,) of points (p, 3) to the boundary, negative inside."""
+        return np.where(self.inside(points), -1.0, 1.0) * self.tree.nearest(points)[0]
+
+
+def find_solid(air: Air, parts: Parts | None = None) -> Solid | None:
+    """The union of the closed surfaces among the walls that hold no air; None where there is none.
+
+    Tried as one solid first; a scene with open sheets in it is cut into its connected `parts`.
+    """
+    walls = air.walls
+    boundary = _union(walls, air)
+    if boundary is None and parts is not None:
+        boundary = _union(walls.select(_closed_rows(walls, parts)), air)
+    if boundary is None or len(boundary) == 0:
+        return None
+    tree = TriangleTree(boundary.vertices)
+    return Solid(boundary, tree, RayCaster(boundary.vertices, tree))
+
+
+def _union(walls: Surface, air: Air) -> Surface | None:
+    if not 0 < len(walls) <= MOST_TRIANGLES:
+        return None
+    center, scale = walls.center, walls.diagonal
+    try:
+        mesh = mesh_solid(walls, center, scale, air).to_mesh64()
+    except NotClosed:
+        return None
+    corners = np.array(mesh.vert_properties)[:, :3][np.array(mesh.tri_verts).astype(np.int64)]
+    return from_triangles(corners * scale + center)
+
+
+def _closed_rows(walls: Surface, parts: Parts) -> NDArray[np.int64]:
+    """Rows of the parts that are closed; the area vectors of a closed surface sum to zero, which is cheap."""
+    count = len(parts)
+    vectors = walls.areas[:, None] * walls.normals
+    sums = np.stack([np.bincount(parts.of_triangle, vectors[:, k], count) for k in range(3)], axis=1)
+    areas = np.bincount(parts.of_triangle, walls.areas, count)
+    balanced = np.linalg.norm(sums, axis=1) <= 1e-6 * areas
+    largest = np.argsort(-areas, kind="stable")
+    largest = largest[balanced[largest] & (areas[largest] > 0)][:MOST_PIECES]
+    order = np.argsort(parts.of_triangle, kind="stable")
+    limits = np.searchsorted(parts.of_triangle[order], np.arange(count + 1))
+    kept = []
+    for part in largest:
+        rows = order[limits[part] : limits[part + 1]]
+        try:
+            mesh_solid(walls.select(rows), walls.center, walls.diagonal)
+        except NotClosed:
+            continue
+        kept.append(rows)
+    return np.sort(np.concatenate([*kept, np.zeros(0, np.int64)]))
+
+
+def inside_targets(targets: Targets, air: Air, solid: Solid, count: int, seed: int) -> Targets:
+    """The targets, and up to `count` points in the solid, whose distances are negative.
+
+    Half of them are near the surface, as with the air's, and there they weigh as much for their volume.
+    """
+    if len(targets) == 0:
+        return targets
+    rng = np.random.default_rng(seed)
+    depth = ndimage.distance_transform_cdt(~air.free, "chessboard")  # cells to the nearest one of air
+    near = (depth > 0) & (depth <= NEAR_CELLS)
+    outside = ndimage.distance_transform_cdt(air.free, "chessboard") <= NEAR_CELLS
+    weight_of_a_cell = 0.5 / max(np.count_nonzero(air.free & outside), 1)
+    drawn, weights = [], []
+    for stratum in (near, depth > NEAR_CELLS):
+        cells = np.flatnonzero(stratum.ravel())
+        chosen = np.sort(rng.choice(cells, size=min(count // 2, len(cells)), replace=False))
+        drawn.append(chosen)
+        weights.append(np.full(len(chosen), weight_of_a_cell * len(cells) / max(len(chosen), 1)))
+    index = np.concatenate(drawn)
+    points = air.grid.centers(np.stack(np.unravel_index(index, air.grid.shape), axis=1))
+    points += (rng.random(points.shape) - 0.5) * air.cell
+    inside = solid.inside(points)
+    points, weight = points[inside], np.concatenate(weights)[inside]
+    if len(points) == 0:
+        return targets
+    deepest = np.minimum(solid.tree.nearest(points)[0], DEEPEST_CELLS * air.cell)
+    added = replace(
+        targets.select(np.zeros(len(points), np.int64)),
+        points=points,
+        distances=-np.maximum(deepest, np.finfo(float).tiny),
+        weights=weight,
+        normals=np.zeros((len(points), 3)),
+        sample=np.full(len(points), -1, np.int64),
+        caps=np.full(len(points), FARTHEST_CELLS * air.cell),
+    )
+    rows: dict[str, Any] = {
+        f.name: np.concatenate([getattr(targets, f.name), getattr(added, f.name)])
+        for f in fields(Targets)
+        if isinstance(getattr(targets, f.name), np.ndarray)
+    }
+    return replace(targets, **rows)
