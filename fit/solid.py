@@ -122,7 +122,7 @@ def inside_targets(targets: Targets, air: Air, solid: Solid, count: int, seed: i
     depth = ndimage.distance_transform_cdt(~air.free, "chessboard")  # cells to the nearest one of air
     near = (depth > 0) & (depth <= NEAR_CELLS)
     outside = ndimage.distance_transform_cdt(air.free, "chessboard") <= NEAR_CELLS
-    weight_of_a_cell = 0.5 / max(np.count_nonzero(air.free & outside), 1)
+    weight_of_a_cell = 0.5 / max(int((air.free & outside).sum()), 1)
     drawn, weights = [], []
     for stratum in (near, depth > NEAR_CELLS):
         cells = np.flatnonzero(stratum.ravel())
