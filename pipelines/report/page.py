@@ -4,59 +4,45 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
-from importlib import resources
-from string import Template
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from pipelines.report.elements import (
+    METRICS,
+    facts,
+    machine_fact,
+    page,
+    quantity,
+    spaces,
+    table,
+    tiles,
+    version_fact,
+)
 from pipelines.report.plots import bars, short_number
 
 UInt8 = NDArray[np.uint8]
-
-METRICS = (
-    ("surface_to_set_mean_m", "surface to set, mean", "m", "from the surfaces that air touches"),
-    ("surface_to_set_p95_m", "surface to set, 95th percentile", "m", ""),
-    ("surface_to_set_max_m", "surface to set, largest", "m", ""),
-    ("covered_25cm", "covered within 25 cm", "%", "share of those surfaces"),
-    ("covered_half_pct", "covered within 0.5 % of the diagonal", "%", ""),
-    ("set_to_surface_mean_m", "set to surface, mean", "m", "from the set's boundary that air touches"),
-    ("false_solid", "free air made solid", "%", ""),
-    ("air_distance_error_m", "distance error in free air, mean", "m", ""),
-    ("air_distance_error_pct", "the same, of the diagonal", "pct", ""),
-    ("leaks", "rays that leak through", "%", "share of the rays that hit the mesh"),
-    ("blocked", "rays that are stopped too early", "%", ""),
-    ("hit_error_pct", "hit error, mean, of the diagonal", "pct", ""),
-    ("largest_hole_m", "largest hole", "m", "diameter of the widest cluster of leaking hits"),
-    ("iou", "intersection over union", "", "where the mesh is closed"),
-    ("volume_error", "volume error", "", "where the mesh is closed"),
-)
-"""Key, words, unit (`%`: a share, shown in percent; `pct`: percent already) and remark of each metric."""
 
 SETS = ("coarse", "fine")
 
 
 def build_page(report: Mapping[str, Any], pictures: Mapping[str, UInt8]) -> str:
     """The whole page; `report` holds JSON values only, `pictures` are sRGB pixels (h, w, 3) by name."""
-    template = Template(
-        resources.files("pipelines.report").joinpath("template.html").read_text(encoding="utf-8")
-    )
     sources = {name: _data_uri(pixels) for name, pixels in pictures.items()}
     sections = (
         _header(report),
-        _tiles(report),
+        _figures(report),
         _gi_section(report, sources),
         _set_section(report, sources),
         _metrics_section(report),
         _times_section(report),
         _left_out_section(report),
     )
-    name = _scene_name(report)
-    return template.substitute(title=escape(f"{name}: coarse and fine"), body="\n".join(sections))
+    return page(f"{_scene_name(report)}: coarse and fine", sections)
 
 
 def _scene_name(report: Mapping[str, Any]) -> str:
@@ -64,16 +50,17 @@ def _scene_name(report: Mapping[str, Any]) -> str:
 
 
 def _header(report: Mapping[str, Any]) -> str:
-    machine, (width, height) = report["machine"], report["size"]
-    facts = (
-        ("Adapter", report["adapter"]),
-        ("Machine", f"{machine['processor']}, {machine['cores']} cores"),
-        ("Picture", f"{width} x {height}, {report['frames']} frames, {report['exposure']:+g} EV"),
-        ("Camera", report["camera"]),
-        ("Light", "; ".join(report["lights"])),
-        ("Version", f"sdfprim {report['version']}, seed {report['seed']}, {report['created']}"),
+    width, height = report["size"]
+    shown = facts(
+        (
+            ("Adapter", report["adapter"]),
+            machine_fact(report),
+            ("Picture", f"{width} x {height}, {report['frames']} frames, {report['exposure']:+g} EV"),
+            ("Camera", report["camera"]),
+            ("Light", "; ".join(report["lights"])),
+            version_fact(report),
+        )
     )
-    items = "".join(f"<li><b>{label}</b> {escape(str(text))}</li>" for label, text in facts)
     software = (
         '<p class="note">The adapter is a software renderer: the times compare passes with each other '
         "and say nothing about a graphics card.</p>"
@@ -83,25 +70,25 @@ def _header(report: Mapping[str, Any]) -> str:
     return (
         f"<h1>{escape(_scene_name(report))}, lit through its primitives</h1>"
         "<p>The same scene, light and camera through a coarse and a fine set of primitives.</p>"
-        f'<ul class="facts">{items}</ul>{software}'
+        f"{shown}{software}"
     )
 
 
-def _tiles(report: Mapping[str, Any]) -> str:
+def _figures(report: Mapping[str, Any]) -> str:
     coarse, fine = (report["sets"][name] for name in SETS)
     difference = report["differences"]["coarse"]
-    tiles = (
-        (f"{coarse['primitives']} / {fine['primitives']}", "primitives, coarse / fine"),
-        (f"{coarse['bytes'] / 1024:.1f} / {fine['bytes'] / 1024:.1f} KiB", "on the GPU, coarse / fine"),
+    return tiles(
         (
-            f"{short_number(coarse['frame_ms'])} / {short_number(fine['frame_ms'])} ms",
-            "GPU time of a frame, coarse / fine",
-        ),
-        (f"{difference['flip']:.3f}", "FLIP, coarse against fine (0 is equal)"),
-        (short_number(difference["rel_mse"]), "relMSE, coarse against fine"),
+            (f"{coarse['primitives']} / {fine['primitives']}", "primitives, coarse / fine"),
+            (f"{coarse['bytes'] / 1024:.1f} / {fine['bytes'] / 1024:.1f} KiB", "on the GPU, coarse / fine"),
+            (
+                f"{short_number(coarse['frame_ms'])} / {short_number(fine['frame_ms'])} ms",
+                "GPU time of a frame, coarse / fine",
+            ),
+            (f"{difference['flip']:.3f}", "FLIP, coarse against fine (0 is equal)"),
+            (short_number(difference["rel_mse"]), "relMSE, coarse against fine"),
+        )
     )
-    inner = "".join(f'<div class="tile"><strong>{a}</strong><span>{b}</span></div>' for a, b in tiles)
-    return f'<div class="tiles">{inner}</div>'
 
 
 def _gi_section(report: Mapping[str, Any], sources: Mapping[str, str]) -> str:
@@ -132,17 +119,16 @@ def _set_section(report: Mapping[str, Any], sources: Mapping[str, str]) -> str:
 def _metrics_section(report: Mapping[str, Any]) -> str:
     values = [report["sets"][name]["metrics"] for name in SETS]
     rows = [
-        [label, remark, *(_quantity(value[key], unit) for value in values)]
-        for key, label, unit, remark in METRICS
+        [metric.label, metric.remark, *(quantity(value[metric.key], metric.unit) for value in values)]
+        for metric in METRICS
     ]
-    shares = [key for key, _, unit, _ in METRICS if unit == "%"]
-    words = {key: label for key, label, _, _ in METRICS}
+    shares = [metric for metric in METRICS if metric.unit == "%"]
     plot = bars(
-        {name: [_percent(value[key]) for key in shares] for name, value in zip(SETS, values, strict=True)},
-        [words[key] for key in shares],
+        {name: [_percent(v[metric.key]) for metric in shares] for name, v in zip(SETS, values, strict=True)},
+        [metric.label for metric in shares],
         "%",
     )
-    return f"<h2>How well the sets stand in for the mesh</h2>{_table(['', *SETS], rows)}<p></p>{plot}"
+    return f"<h2>How well the sets stand in for the mesh</h2>{table(['', *SETS], rows)}<p></p>{plot}"
 
 
 def _times_section(report: Mapping[str, Any]) -> str:
@@ -171,18 +157,12 @@ def _left_out_section(report: Mapping[str, Any]) -> str:
     ]
     for kind in fine["kinds"]:
         rows.append([kind, "", *(str(report["sets"][name]["kinds"][kind]) for name in SETS)])
-    spaces = "".join(f"<li>{escape(_space(space))}</li>" for space in fine["air"])
     notes = "".join(f"<li>{escape(note)}</li>" for note in [*fine["notes"], *report["notes"]])
     return (
-        f"<h2>What the sets are made of</h2>{_table(['', *SETS], rows)}"
-        f"<h2>What was taken as air</h2><ul>{spaces or '<li>nothing</li>'}</ul>"
+        f"<h2>What the sets are made of</h2>{table(['', *SETS], rows)}"
+        f"<h2>What was taken as air</h2>{spaces(fine['air'])}"
         + (f"<h2>Notes</h2><ul>{notes}</ul>" if notes else "")
     )
-
-
-def _space(space: Mapping[str, Any]) -> str:
-    point = ", ".join(f"{value:.2f}" for value in space["point"])
-    return f"{short_number(space['volume'])} m3 around ({point}): {space['evidence']}"
 
 
 def _pair(sources: Mapping[str, str], names: tuple[str, ...], tags: tuple[str, ...], caption: str) -> str:
@@ -197,28 +177,6 @@ def _pair(sources: Mapping[str, str], names: tuple[str, ...], tags: tuple[str, .
         f'<span class="tag right">{escape(right_tag)}</span></div>'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
     )
-
-
-def _table(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """First column is the label, the second a remark below it, the others numbers."""
-    head = f"<th>{headers[0]}</th>" + "".join(f'<th class="number">{h}</th>' for h in headers[1:])
-    lines = []
-    for label, remark, *values in rows:
-        small = f"<small>{escape(remark)}</small>" if remark else ""
-        cells = "".join(f'<td class="number">{escape(value)}</td>' for value in values)
-        lines.append(f"<tr><td>{escape(label)}{small}</td>{cells}</tr>")
-    body = "".join(lines)
-    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
-
-
-def _quantity(value: float | None, unit: str) -> str:
-    if value is None:
-        return "-"
-    if unit == "%":
-        return f"{100 * value:.2f} %"
-    if unit == "pct":
-        return f"{value:.3f} %"
-    return f"{value:.4g} {unit}".strip()
 
 
 def _percent(value: float | None) -> float | None:
