@@ -12,12 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 from runtime.device import Gpu
 from runtime.resources import Buffer, Sampler, Texture
 from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u, vec4f
-from runtime.twins.octahedral import OCT_SIZE, OCT_TILE
 
 Float64 = NDArray[np.float64]
 
 ATLAS_COLUMNS = 512
 """Tiles in a row of the atlas, at most."""
+
+IRRADIANCE_SIZE = 8
+"""Texels of a probe's irradiance map along a side."""
+
+IRRADIANCE_TILE = IRRADIANCE_SIZE + 2
+"""The same with the border of one texel that bilinear filtering needs."""
 
 OFF = -1.0
 """Irradiance scale of a probe that is switched off."""
@@ -61,7 +66,7 @@ class ProbeGrid:
     def atlas_size(self) -> tuple[int, int]:
         """Width and height in texels."""
         rows = -(-len(self) // self.columns)
-        return OCT_TILE * self.columns, OCT_TILE * rows
+        return IRRADIANCE_TILE * self.columns, IRRADIANCE_TILE * rows
 
     def positions(self) -> Float64:
         """World positions (n, 3) of the grid's nodes, x fastest."""
@@ -106,8 +111,8 @@ class IrradianceProbes:
     records: for each probe its local position, the scale of its map (below 0: off) and the linear part of
     its irradiance, a channel each: constant and slope, E = constant + slope . normal. atlas: the rest as
     tiles with borders; texel * scale is W/m2, so half floats serve any brightness. exact: all of the
-    irradiance, OCT_SIZE^2 texels a probe, in float32 and without borders: the history that updates blend
-    into, where half floats would stop short of the mean.
+    irradiance, IRRADIANCE_SIZE^2 texels a probe, in float32 and without borders: the history that updates
+    blend into, where half floats would stop short of the mean.
     """
 
     def __init__(self, gpu: Gpu, grid: ProbeGrid, origin: Float64, softness: float) -> None:
@@ -123,7 +128,7 @@ class IrradianceProbes:
             )
         )
         self.records = Buffer(gpu, ProbeRecord.dtype.itemsize * len(grid), label="probe records")
-        self.exact = Buffer(gpu, 16 * len(grid) * OCT_SIZE**2, label="probe irradiance")
+        self.exact = Buffer(gpu, 16 * len(grid) * IRRADIANCE_SIZE**2, label="probe irradiance")
         self.atlas = Texture(gpu, grid.atlas_size, "rgba16float", "sample|storage", label="probe atlas")
         self.sampler = Sampler(gpu, "linear", label="probe atlas")
 
@@ -140,7 +145,7 @@ class IrradianceProbes:
         blank = np.zeros(len(self.grid), ProbeRecord.dtype)
         blank["position"][:, 3] = OFF
         self.records.write(blank)
-        self.exact.write(np.zeros((len(self.grid), OCT_SIZE**2, 4), np.float32))
+        self.exact.write(np.zeros((len(self.grid), IRRADIANCE_SIZE**2, 4), np.float32))
 
     def read_records(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Local positions (n, 3) of the probes and which are on (n,); waits for the GPU."""

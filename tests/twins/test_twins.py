@@ -106,6 +106,10 @@ def integers(low: int, high: int) -> Callable[[np.random.Generator, int], np.nda
     return lambda rng, width: rng.integers(low, high, (ROWS, width))
 
 
+def even_sizes(rng: np.random.Generator, width: int) -> np.ndarray:
+    return 2 * rng.integers(4, 9, (ROWS, width))
+
+
 def halves(rng: np.random.Generator, width: int) -> np.ndarray:
     half = np.exp(rng.uniform(np.log(0.05), np.log(2), (ROWS, width)))
     half[::5] = (-1, 0, -1)
@@ -139,6 +143,10 @@ DOMAINS: dict[str, Callable[[np.random.Generator, int], np.ndarray]] = {
     "solid_angle": log_uniform(1e-5, 10),
     "texel": integers(0, 8),
     "oct_tile_source.texel": integers(0, 10),
+    **{
+        f"{name}.size": even_sizes
+        for name in ("oct_texel_direction", "oct_tile_source", "oct_tile_corner", "oct_tile_position")
+    },
     "index": integers(0, 4096),
     "columns": integers(1, 700),
     "count": integers(4096, 5000),

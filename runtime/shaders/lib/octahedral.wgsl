@@ -1,9 +1,6 @@
 // Octahedral maps of the sphere (Cigolle et al. 2014): the square [-1, 1]^2, z > 0 in the inner diamond.
-// A stored map is a tile of OCT_SIZE^2 texels and a border of one texel, so that bilinear filtering is right
-// across the seams.
-
-const OCT_SIZE: u32 = 8u;
-const OCT_TILE: u32 = 10u;
+// A stored map is a tile of size^2 texels, size being even, and a border of one texel, so that bilinear filtering is
+// right across the seams.
 
 fn oct_encode(direction: vec3f) -> vec2f {
     let p = direction.xy / (abs(direction.x) + abs(direction.y) + abs(direction.z));
@@ -17,15 +14,15 @@ fn oct_decode(square: vec2f) -> vec3f {
     return normalize(vec3f(select(folded, square, z >= 0.0), z));
 }
 
-// Direction of the centre of a texel of the map, 0 <= texel < OCT_SIZE.
-fn oct_texel_direction(texel: vec2u) -> vec3f {
-    return oct_decode((vec2f(texel) + 0.5) * (2.0 / f32(OCT_SIZE)) - 1.0);
+// Direction of the centre of a texel of the map, 0 <= texel < size.
+fn oct_texel_direction(texel: vec2u, size: u32) -> vec3f {
+    return oct_decode((vec2f(texel) + 0.5) * (2.0 / f32(size)) - 1.0);
 }
 
-// The texel of the map that a texel of the tile, 0 <= texel < OCT_TILE, shows: its own, or over the border the
+// The texel of the map that a texel of the tile, 0 <= texel < size + 2, shows: its own, or over the border the
 // one across the seam, where the map continues mirrored.
-fn oct_tile_source(texel: vec2u) -> vec2u {
-    let last = i32(OCT_SIZE) - 1;
+fn oct_tile_source(texel: vec2u, size: u32) -> vec2u {
+    let last = i32(size) - 1;
     var p = vec2i(texel) - 1;
     if p.x < 0 || p.x > last {
         p = vec2i(clamp(p.x, 0, last), last - p.y);
@@ -37,11 +34,11 @@ fn oct_tile_source(texel: vec2u) -> vec2u {
 }
 
 // Where in an atlas of `columns` tiles a row tile `index` begins, in texels.
-fn oct_tile_corner(index: u32, columns: u32) -> vec2u {
-    return OCT_TILE * vec2u(index % columns, index / columns);
+fn oct_tile_corner(index: u32, columns: u32, size: u32) -> vec2u {
+    return (size + 2u) * vec2u(index % columns, index / columns);
 }
 
 // Position in texels, for filtering, of a direction inside the tile that begins at `corner`.
-fn oct_tile_position(corner: vec2u, direction: vec3f) -> vec2f {
-    return vec2f(corner) + 1.0 + (oct_encode(direction) * 0.5 + 0.5) * f32(OCT_SIZE);
+fn oct_tile_position(corner: vec2u, direction: vec3f, size: u32) -> vec2f {
+    return vec2f(corner) + 1.0 + (oct_encode(direction) * 0.5 + 0.5) * f32(size);
 }

@@ -4,9 +4,10 @@
 
 import package::lib::march::{trace_soft_visibility, trace_start, trace_start_seen};
 import package::lib::octahedral::{oct_tile_corner, oct_tile_position};
-import package::structs::{ProbeGridInfo, ProbeRecord};
+import package::probes::grid::{ProbeCell, probe_cell, probe_corner, probe_grid, probe_index, probe_weight};
+import package::probes::maps::{IRRADIANCE_SIZE};
+import package::structs::{ProbeRecord};
 
-@group(2) @binding(0) var<uniform> probe_grid: ProbeGridInfo;
 @group(2) @binding(1) var<storage, read> probe_records: array<ProbeRecord>;
 @group(2) @binding(2) var probe_atlas: texture_2d<f32>;
 @group(2) @binding(3) var probe_sampler: sampler;
@@ -16,37 +17,10 @@ const GI_PI: f32 = 3.14159265358979;
 // A weight this small cannot be told from none.
 const GI_SMALLEST_WEIGHT: f32 = 1e-6;
 
-// The cell of eight probes around a point, and where in it the point is.
-struct ProbeCell {
-    base: vec3u,
-    fraction: vec3f,
-}
-
-fn probe_cell(position: vec3f) -> ProbeCell {
-    let last = vec3f(probe_grid.counts - 1u);
-    let place = clamp((position - probe_grid.lower) / probe_grid.spacing, vec3f(0.0), last);
-    let base = min(floor(place), max(last - 1.0, vec3f(0.0)));
-    return ProbeCell(vec3u(base), place - base);
-}
-
-fn probe_corner(cell: ProbeCell, corner: u32) -> vec3u {
-    return min(cell.base + (vec3u(corner, corner >> 1u, corner >> 2u) & vec3u(1u)), probe_grid.counts - 1u);
-}
-
-fn probe_weight(cell: ProbeCell, corner: u32) -> f32 {
-    let is_far = ((vec3u(corner, corner >> 1u, corner >> 2u)) & vec3u(1u)) == vec3u(1u);
-    let w = select(1.0 - cell.fraction, cell.fraction, is_far);
-    return w.x * w.y * w.z;
-}
-
-fn probe_index(place: vec3u) -> u32 {
-    return place.x + probe_grid.counts.x * (place.y + probe_grid.counts.y * place.z);
-}
-
 // What a probe stores for a normal: the linear part of its irradiance, and the rest from its map.
 fn probe_irradiance(index: u32, normal: vec3f) -> vec3f {
     let record = probe_records[index];
-    let texel = oct_tile_position(oct_tile_corner(index, probe_grid.columns), normal);
+    let texel = oct_tile_position(oct_tile_corner(index, probe_grid.columns, IRRADIANCE_SIZE), normal, IRRADIANCE_SIZE);
     let uv = texel / vec2f(textureDimensions(probe_atlas));
     let rest = textureSampleLevel(probe_atlas, probe_sampler, uv, 0.0).rgb * record.position.w;
     let h = vec4f(1.0, normal);

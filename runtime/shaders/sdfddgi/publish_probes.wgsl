@@ -5,7 +5,8 @@
 // Bilinear filtering of 8 x 8 texels alone is wrong by up to 6 % of the linear part between texels, which is most of
 // what irradiance has; taken out first, that part is exact.
 
-import package::lib::octahedral::{OCT_SIZE, OCT_TILE, oct_texel_direction, oct_tile_corner, oct_tile_source};
+import package::lib::octahedral::{oct_texel_direction, oct_tile_corner, oct_tile_source};
+import package::probes::maps::{IRRADIANCE_SIZE, IRRADIANCE_TILE};
 import package::structs::{ProbeRecord, UpdateSettings};
 
 @group(0) @binding(0) var<uniform> settings: UpdateSettings;
@@ -13,7 +14,7 @@ import package::structs::{ProbeRecord, UpdateSettings};
 @group(0) @binding(2) var<storage, read_write> records: array<ProbeRecord>;
 @group(0) @binding(3) var atlas: texture_storage_2d<rgba16float, write>;
 
-const THREADS: u32 = OCT_SIZE * OCT_SIZE;
+const THREADS: u32 = IRRADIANCE_SIZE * IRRADIANCE_SIZE;
 
 // Sums of x^2, y^2 and z^2 over the directions of the map's texels, whose mixed sums are 0.
 const TEXEL_SQUARES: vec3f = vec3f(21.493510, 21.493510, 21.012980);
@@ -25,7 +26,7 @@ var<workgroup> linear_part: array<vec4f, 3>;
 fn fit_linear(channel: u32) -> vec4f {
     var fitted = vec4f(0.0);
     for (var i = 0u; i < THREADS; i++) {
-        let direction = oct_texel_direction(vec2u(i % OCT_SIZE, i / OCT_SIZE));
+        let direction = oct_texel_direction(vec2u(i % IRRADIANCE_SIZE, i / IRRADIANCE_SIZE), IRRADIANCE_SIZE);
         fitted += map[i][channel] * vec4f(1.0, direction);
     }
     return fitted / vec4f(f32(THREADS), TEXEL_SQUARES);
@@ -56,7 +57,7 @@ fn main(
         linear_part[thread] = fit_linear(thread);
     }
     workgroupBarrier();
-    let rest = map[thread] - linear_irradiance(oct_texel_direction(texel.xy));
+    let rest = map[thread] - linear_irradiance(oct_texel_direction(texel.xy, IRRADIANCE_SIZE));
     workgroupBarrier();
     map[thread] = rest;
     workgroupBarrier();
@@ -66,11 +67,11 @@ fn main(
     }
     let scale = max(largest.x, max(largest.y, largest.z));
     let inverse = select(0.0, 1.0 / scale, scale > 0.0);
-    let corner = oct_tile_corner(probe, settings.columns);
-    for (var i = thread; i < OCT_TILE * OCT_TILE; i += THREADS) {
-        let place = vec2u(i % OCT_TILE, i / OCT_TILE);
-        let source = oct_tile_source(place);
-        let value = map[source.x + OCT_SIZE * source.y] * inverse;
+    let corner = oct_tile_corner(probe, settings.columns, IRRADIANCE_SIZE);
+    for (var i = thread; i < IRRADIANCE_TILE * IRRADIANCE_TILE; i += THREADS) {
+        let place = vec2u(i % IRRADIANCE_TILE, i / IRRADIANCE_TILE);
+        let source = oct_tile_source(place, IRRADIANCE_SIZE);
+        let value = map[source.x + IRRADIANCE_SIZE * source.y] * inverse;
         textureStore(atlas, corner + place, vec4f(value, 1.0));
     }
     if thread == 0u {

@@ -4,11 +4,12 @@
 import package::lib::brdf::{brdf_lambert};
 import package::lib::lights::{direct_radiance_at_hit};
 import package::lib::march::{trace};
-import package::lib::octahedral::{OCT_SIZE, oct_texel_direction};
+import package::lib::octahedral::{oct_texel_direction};
 import package::lib::primitives::{shape_half_thickness};
 import package::lib::quaternion::{quat_rotate};
 import package::lib::random::{PI, random_hash, random_rotation, random_uniform, spherical_fibonacci};
 import package::lib::sky::{sky_radiance_within};
+import package::probes::maps::{IRRADIANCE_SIZE};
 import package::sdfddgi::lookup::{gi_irradiance_of_one, probe_records};
 import package::structs::{ProbeHistory, UpdateSettings};
 import package::world::bindings::{NO_PRIMITIVE, world_shape};
@@ -17,7 +18,7 @@ import package::world::bindings::{NO_PRIMITIVE, world_shape};
 @group(0) @binding(1) var<storage, read_write> histories: array<ProbeHistory>;
 @group(0) @binding(2) var<storage, read_write> exact_irradiance: array<vec4f>;
 
-const THREADS: u32 = OCT_SIZE * OCT_SIZE;
+const THREADS: u32 = IRRADIANCE_SIZE * IRRADIANCE_SIZE;
 
 // Irradiance below this is darkness: a moonless night has a thousand times more.
 const DARKNESS: f32 = 1e-9;
@@ -102,7 +103,7 @@ fn main(
     let batches = settings.batches * select(1u, settings.fresh_factor, history.frames == 0.0);
     let rays = batches * THREADS;
     let rotation = random_rotation(random_uniform(random_hash(vec3u(probe, settings.frame, settings.seed))));
-    let normal = oct_texel_direction(texel.xy);
+    let normal = oct_texel_direction(texel.xy, IRRADIANCE_SIZE);
     var gathered = vec3f(0.0);
     var cosines = 0.0;
     var total = vec3f(0.0);
