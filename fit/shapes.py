@@ -77,13 +77,28 @@ def join(several: Sequence[Shapes]) -> Shapes:
 
 def pair_distances(shapes: Shapes, points: Float64, index: Index) -> Float64:
     """Exact signed distance (p,) from point i (p, 3) to shape `index[i]`."""
-    return _signed(_excess(shapes.kinds[index], _local(shapes, points, index), shapes.halves[index].T))
+    return _signed(*_excess(shapes.kinds[index], _local(shapes, points, index), shapes.halves[index].T))
+
+
+_BLOCK = 4096
+"""Points at a time: their temporaries stay in the cache, and in memory that need not be asked for anew."""
 
 
 def distances_to_one(shapes: Shapes, which: int, points: Float64) -> Float64:
     """Exact signed distance (p,) from all points to one shape."""
-    local = shapes.frames[which].T @ (points - shapes.centers[which]).T
-    return _signed(_excess(shapes.kinds[which : which + 1], local, shapes.halves[which][:, None]))
+    kind, halves = shapes.kinds[which], shapes.halves[which]
+    distances = np.empty(len(points))
+    for start in range(0, len(points), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        local = shapes.frames[which].T @ (points[block] - shapes.centers[which]).T
+        if kind == Kind.SPHERE:
+            distances[block] = np.sqrt(_sum(local * local)) - halves[0]
+        elif kind == Kind.CYLINDER:
+            side = np.sqrt(local[0] * local[0] + local[2] * local[2]) - halves[0]
+            distances[block] = _signed(side, np.abs(local[1]) - halves[1])
+        else:
+            distances[block] = _signed(*(np.abs(local) - halves[:, None]))
+    return distances
 
 
 def pair_derivatives(shapes: Shapes, points: Float64, index: Index) -> Float64:
@@ -115,10 +130,13 @@ def _local(shapes: Shapes, points: Float64, index: Index) -> Float64:
     return np.einsum("pij,pi->jp", shapes.frames[index], offset)
 
 
-def _signed(excess: Float64) -> Float64:
-    positive = np.maximum(excess, 0.0)
-    inside = np.minimum(np.maximum(np.maximum(excess[0], excess[1]), excess[2]), 0.0)
-    return np.sqrt(_sum(positive * positive)) + inside
+def _signed(*excess: Float64) -> Float64:
+    """Signed distance of points from how far they are beyond each face."""
+    deepest, squared = excess[0], np.maximum(excess[0], 0.0) ** 2
+    for one in excess[1:]:
+        deepest = np.maximum(deepest, one)
+        squared += np.maximum(one, 0.0) ** 2
+    return np.sqrt(squared) + np.minimum(deepest, 0.0)
 
 
 def _sum(rows: Float64) -> Float64:
@@ -131,32 +149,29 @@ _NEVER = -1e300
 def _excess(kinds: NDArray[np.uint8], local: Float64, halves: Float64) -> Float64:
     """How far points are beyond each face (3, p), in the row of the half extent that they are held against.
 
-    A box has three, a cylinder radius and height in rows 0 and 1, a sphere its radius in row 0. One kind may
-    stand for all points.
+    A box has three, a cylinder radius and height in rows 0 and 1, a sphere its radius in row 0.
     """
     excess = np.abs(local) - halves
-    kinds, halves = np.broadcast_to(kinds, local.shape[1:]), np.broadcast_to(halves, local.shape)
     cylinder, sphere = kinds == Kind.CYLINDER, kinds == Kind.SPHERE
-    if cylinder.any():
-        excess[0, cylinder] = np.hypot(local[0, cylinder], local[2, cylinder]) - halves[0, cylinder]
-        excess[2, cylinder] = _NEVER
-    if sphere.any():
-        excess[0, sphere] = np.sqrt(_sum(local[:, sphere] ** 2)) - halves[0, sphere]
-        excess[1:, sphere] = _NEVER
+    if cylinder.any() or sphere.any():
+        across = local[0] * local[0] + local[2] * local[2]
+        radius = np.sqrt(across + np.where(sphere, local[1] * local[1], 0.0))
+        excess[0] = np.where(cylinder | sphere, radius - halves[0], excess[0])
+        excess[1] = np.where(sphere, _NEVER, excess[1])
+        excess[2] = np.where(cylinder | sphere, _NEVER, excess[2])
     return excess
 
 
 def _local_gradient(kinds: NDArray[np.uint8], local: Float64, slope: Float64) -> Float64:
     gradient = np.copysign(slope, local)
     cylinder, sphere = kinds == Kind.CYLINDER, kinds == Kind.SPHERE
-    if cylinder.any():
-        x, z = local[0, cylinder], local[2, cylinder]
-        radius = np.maximum(np.hypot(x, z), 1e-300)
-        gradient[0, cylinder] = slope[0, cylinder] * x / radius
-        gradient[2, cylinder] = slope[0, cylinder] * z / radius
-    if sphere.any():
-        inner = local[:, sphere]
-        gradient[:, sphere] = inner / np.maximum(np.sqrt(_sum(inner * inner)), 1e-300)
+    if cylinder.any() or sphere.any():
+        across = local[0] * local[0] + local[2] * local[2]
+        radius = np.sqrt(across + np.where(sphere, local[1] * local[1], 0.0))
+        outward = np.where(sphere, 1.0, slope[0]) / np.maximum(radius, 1e-300)
+        gradient[0] = np.where(cylinder | sphere, outward * local[0], gradient[0])
+        gradient[1] = np.where(sphere, outward * local[1], gradient[1])
+        gradient[2] = np.where(cylinder | sphere, outward * local[2], gradient[2])
     return gradient
 
 
