@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -99,7 +99,7 @@ def run(
         UsageError: a file is missing, or the options make no sense.
     """
     check(settings)
-    names = _names(settings.files)
+    names = input_names(settings.files)
     _keep_inputs(settings, names)
     make_folder(settings.output)
     assets: list[dict[str, Any]] = []
@@ -119,17 +119,11 @@ def run(
 
 def check(settings: ConvertSettings) -> None:
     """Raises UsageError for what can be seen to be wrong before any file is opened."""
-    from fit.air import parse_seed
-
     if not settings.files:
         raise UsageError("no file given: name at least one .gltf or .glb")
     for file in settings.files:
         require_file(file)
-    for text in settings.air:
-        try:
-            parse_seed(text)
-        except ValueError as error:
-            raise UsageError(f"--air {text}: {error}") from error
+    check_air(settings.air)
     from fit.primitives import GPU_RECORD_BYTES
 
     if settings.max_bytes is not None and settings.max_bytes < GPU_RECORD_BYTES:
@@ -142,6 +136,17 @@ def check(settings: ConvertSettings) -> None:
     ):
         if value is not None and not 0 < value < float("inf"):
             raise UsageError(f"{option} {value}: give a number above zero")
+
+
+def check_air(seeds: Sequence[str]) -> None:
+    """Raises UsageError unless each text names a space that is air."""
+    from fit.air import parse_seed
+
+    for text in seeds:
+        try:
+            parse_seed(text)
+        except ValueError as error:
+            raise UsageError(f"--air {text}: {error}") from error
 
 
 def require_file(file: Path) -> None:
@@ -218,7 +223,8 @@ def describe_primitives(primitives: Any) -> dict[str, Any]:
     }
 
 
-def _names(files: tuple[Path, ...]) -> list[str]:
+def input_names(files: tuple[Path, ...]) -> list[str]:
+    """A name for each file, no two equal; raises UsageError where a file is given twice."""
     try:
         return result_names(files)
     except ValueError as error:
