@@ -1,7 +1,7 @@
 """Exact nearest points and first hits on triangles: a bounding volume hierarchy walked level by level.
 
 All queries of a batch descend together, so each level is a handful of NumPy calls on (query, node) pairs.
-The order of the leaves comes from scipy's k-d tree, which also gives the first upper bound of a distance.
+The leaves lie along a Morton curve; a k-d tree over a few of them gives the first upper bound of a distance.
 """
 
 from __future__ import annotations
@@ -25,26 +25,46 @@ _TINY = float(np.finfo(float).tiny)
 
 _MAX_EXTRA_PIECES = 300_000
 
+_MOST_GUESSES = 1 << 17
+"""Leaves in the k-d tree of first guesses: of millions, all would take longer to search than the boxes."""
+
 _PAIRS_PER_CHUNK = 1 << 18
 
 
 class TriangleTree:
-    """A search tree over t triangles (t, 3, 3), t > 0. Coordinates are kept relative to their centre."""
+    """A search tree over t triangles (t, 3, 3), t > 0, which it keeps without a copy."""
 
     def __init__(self, vertices: Float64) -> None:
         if len(vertices) == 0:
             raise ValueError("a triangle tree needs at least one triangle; the surface is empty")
-        lower, upper = (extreme.reduce(vertices.reshape(-1, 3)) for extreme in (np.minimum, np.maximum))
-        self.center = (lower + upper) / 2
-        self.diagonal = float(np.linalg.norm(upper - lower))
-        corners = vertices - self.center
-        self._frames = plane_frames(corners)
-        pieces, owner = cut_long_triangles(corners, self.diagonal / _PIECES_PER_DIAGONAL, _MAX_EXTRA_PIECES)
-        self._points = cKDTree((pieces[:, 0] + pieces[:, 1] + pieces[:, 2]) / 3)
-        self._owner_of_point = owner
-        order = self._points.indices
-        self._leaf_triangles = owner[order]
-        self._levels = _box_levels(np.concatenate(boxes_around(pieces), axis=1)[order])
+        lower, upper = boxes_around(vertices)
+        low, high = column_extremes(lower)[0], column_extremes(upper)[1]
+        self.center = (low + high) / 2
+        self.diagonal = float(np.linalg.norm(high - low))
+        self._vertices = vertices
+        boxes, owner = self._leaf_boxes(np.concatenate([lower, upper], axis=1))
+        del lower, upper
+        order = morton_order(boxes[:, :3] + boxes[:, 3:])
+        self._leaf_triangles, boxes = owner[order], boxes[order]
+        stride = -(-len(boxes) // _MOST_GUESSES)
+        self._guesses = cKDTree((boxes[::stride, :3] + boxes[::stride, 3:]) / 2)
+        self._guessed_triangles = self._leaf_triangles[::stride]
+        self._levels = _box_levels(boxes)
+
+    def _leaf_boxes(self, boxes: Float64) -> tuple[Float64, Int64]:
+        """Boxes (n, 6) about the tree's centre, of whole triangles and of pieces of long ones; their owners."""
+        longest = self.diagonal / _PIECES_PER_DIAGONAL
+        is_long = _length(boxes[:, 3:] - boxes[:, :3]) > longest
+        boxes -= np.tile(self.center, 2)
+        if not is_long.any():
+            return boxes, np.arange(len(boxes))
+        long, short = np.flatnonzero(is_long), np.flatnonzero(~is_long)
+        pieces, owner = cut_long_triangles(self._vertices[long] - self.center, longest, _MAX_EXTRA_PIECES)
+        cut = np.concatenate(boxes_around(pieces), axis=1)
+        return np.concatenate([boxes[short], cut]), np.concatenate([short, long[owner]])
+
+    def _frames(self, triangles: Int64) -> Float64:
+        return plane_frames(self._vertices[triangles] - self.center)
 
     def nearest(self, points: Float64) -> tuple[Float64, Int64]:
         """Unsigned distance (p,) from points (p, 3) to the triangles, and the nearest triangle (p,)."""
@@ -57,16 +77,15 @@ class TriangleTree:
         return distance, triangle
 
     def _nearest_chunk(self, points: Float64) -> tuple[Float64, Int64]:
-        _, first = self._points.query(points, workers=-1)
-        triangle = self._owner_of_point[first]
-        bound = squared_distances(points, self._frames, triangle)
+        triangle = self._guessed_triangles[self._guesses.query(points)[1]]
+        bound = squared_distances(points, self._frames(triangle))
         query, node = np.arange(len(points)), np.zeros(len(points), np.int64)
         for boxes in self._levels:
             near = _squared_distances_to_boxes(points[query], boxes[node]) < bound[query, None]
             row, child = np.nonzero(near)
             query, node = query[row], node[row] * BRANCHES + child
         candidates = self._leaf_triangles[node]
-        squared = squared_distances(points[query], self._frames, candidates)
+        squared = squared_distances(points[query], self._frames(candidates))
         # Stable order by query, then distance, then triangle: the first of each run is the nearest.
         order = np.lexsort((candidates, squared, query))
         query, squared, candidates = query[order], squared[order], candidates[order]
@@ -95,7 +114,7 @@ class TriangleTree:
             row, child = np.nonzero(_rays_meet_boxes(origins[query], inverse[query], boxes[node]))
             query, node = query[row], node[row] * BRANCHES + child
         candidates = self._leaf_triangles[node]
-        along = _ray_distances(origins[query], directions[query], self._frames, candidates)
+        along = _ray_distances(origins[query], directions[query], self._frames(candidates))
         order = np.lexsort((candidates, along, query))
         order = order[np.diff(query[order], prepend=-1) != 0]
         order = order[np.isfinite(along[order])]
@@ -110,9 +129,13 @@ def cut_long_triangles(
 
     Returns the pieces (n, 3, 3) and the row of the triangle that each is from.
     """
-    owner = np.arange(len(corners))
-    done: list[Float64] = []
-    done_owner: list[Int64] = []
+    lower, upper = boxes_around(corners)
+    is_long = (upper - lower).max(axis=1) > longest / 2  # no edge of the others exceeds sqrt(3) / 2
+    rest, owner = np.flatnonzero(~is_long), np.flatnonzero(is_long)
+    if len(owner) == 0:
+        return corners, rest
+    done, done_owner = [corners[rest]], [rest]
+    corners = corners[owner]
     extra = 0
     while len(corners):
         edges = np.stack([_length(corners[:, (k + 1) % 3] - corners[:, k]) for k in range(3)])
@@ -120,8 +143,6 @@ def cut_long_triangles(
         extra += int(long.sum())
         if max_extra is not None and extra > max_extra:
             long[:] = False
-        if not done and not long.any():
-            return corners, owner
         done.append(corners[~long])
         done_owner.append(owner[~long])
         corners, owner, edge = corners[long], owner[long], edges[:, long].argmax(axis=0)
@@ -139,6 +160,35 @@ def _length(vectors: Float64) -> Float64:
 
 def _dot(a: Float64, b: Float64) -> Float64:
     return np.einsum("ij,ij->i", a, b)
+
+
+def column_extremes(points: Float64) -> tuple[Float64, Float64]:
+    """Lowest and highest values (3,), (3,) of points (p, 3)."""
+    columns = [points[:, k] for k in range(3)]  # NumPy reduces rows of three five times slower
+    return np.array([c.min() for c in columns]), np.array([c.max() for c in columns])
+
+
+def morton_order(points: Float64) -> Int64:
+    """Order (p,) of points (p, 3) along a Z-shaped curve: neighbours in it are near in space (Morton 1966)."""
+    lower, upper = column_extremes(points)
+    scale = ((1 << 21) - 1) / max(float((upper - lower).max()), _TINY)
+    code = np.zeros(len(points), np.uint64)
+    for axis in range(3):
+        bits = ((points[:, axis] - lower[axis]) * scale).astype(np.uint64)
+        for shift, mask in _SPREAD:
+            bits = (bits | bits << np.uint64(shift)) & np.uint64(mask)
+        code |= bits << np.uint64(axis)
+    return np.argsort(code, kind="stable")
+
+
+_SPREAD = (
+    (32, 0x1F00000000FFFF),
+    (16, 0x1F0000FF0000FF),
+    (8, 0x100F00F00F00F00F),
+    (4, 0x10C30C30C30C30C3),
+    (2, 0x1249249249249249),
+)
+"""Shifts and masks that put two empty bits between any two of 21."""
 
 
 def boxes_around(pieces: Float64) -> tuple[Float64, Float64]:
@@ -206,9 +256,8 @@ def plane_frames(corners: Float64) -> Float64:
     return np.concatenate([a, x, y, length[:, None], cx[:, None], cy[:, None]], axis=1)
 
 
-def squared_distances(points: Float64, frames: Float64, triangle: Int64) -> Float64:
-    """Squared distance (k,) of points (k, 3) to the triangles `frames[triangle]`, exact (`plane_frames`)."""
-    frame = frames[triangle]
+def squared_distances(points: Float64, frame: Float64) -> Float64:
+    """Squared distance (k,) of points (k, 3) to the triangles of the frames (k, 12), exact (`plane_frames`)."""
     dx, dy, dz = (points[:, k] - frame[:, k] for k in range(3))
     x = dx * frame[:, 3] + dy * frame[:, 4] + dz * frame[:, 5]
     y = dx * frame[:, 6] + dy * frame[:, 7] + dz * frame[:, 8]
@@ -228,9 +277,8 @@ def _squared_to_segment(x: Float64, y: Float64, ex: Float64, ey: Float64 | float
     return (x - t * ex) ** 2 + (y - t * ey) ** 2
 
 
-def _ray_distances(origins: Float64, directions: Float64, frames: Float64, triangle: Int64) -> Float64:
+def _ray_distances(origins: Float64, directions: Float64, frame: Float64) -> Float64:
     """Distance (k,) along each ray to its triangle, inf where it misses; both sides count."""
-    frame = frames[triangle]
     ex, ey = frame[:, 3:6], frame[:, 6:9]
     normal = np.cross(ex, ey)
     slope = _dot(directions, normal)

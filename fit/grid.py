@@ -75,8 +75,19 @@ def solid_cells(grid: Grid, vertices: Float64) -> Bool:
     pieces = np.cumsum(1 + spans + 0.5 * spans**2)
     chunks = np.searchsorted(pieces, np.arange(_PIECES_PER_CHUNK, pieces[-1], _PIECES_PER_CHUNK))
     for part in np.split(np.arange(len(vertices)), np.unique(chunks)):
-        _mark((vertices[part] - grid.origin) / grid.cell, solid)
+        corners = (vertices[part] - grid.origin) / grid.cell
+        _mark_at_corners(corners, solid)
+        _mark(corners, solid)
     return solid
+
+
+def _mark_at_corners(corners: Float64, solid: Bool) -> None:
+    """Marks cells that have a corner near their centre: of a fine mesh nearly all, which spares `_mark` work."""
+    points = corners[:, 0]
+    cells = np.floor(points)
+    offset = points - cells - 0.5
+    near = np.einsum("ij,ij->i", offset, offset) <= 0.25
+    solid[tuple(cells[near].astype(np.int64).T)] = True
 
 
 def _mark(corners: Float64, solid: Bool) -> None:
@@ -88,12 +99,11 @@ def _mark(corners: Float64, solid: Bool) -> None:
     count = np.floor(upper + 1e-9).astype(np.int64) - low + 1
     np.maximum(count, 0, out=count)
     pairs = count[:, 0] * count[:, 1] * count[:, 2]
-    frames = plane_frames(corners)
     for part in np.array_split(np.arange(len(pairs)), int(pairs.sum()) // _PAIRS_PER_CHUNK + 1):
         member, cells = _cells_of_boxes(low[part], count[part], pairs[part])
         free = ~solid[tuple(cells.T)]
         cells, triangle = cells[free], owner[part][member[free]]
-        squared = squared_distances((cells + 0.5).astype(np.float64), frames, triangle)
+        squared = squared_distances((cells + 0.5).astype(np.float64), plane_frames(corners[triangle]))
         solid[tuple(cells[squared <= 0.25 * (1 + 1e-9)].T)] = True
 
 

@@ -14,6 +14,8 @@ try:
 except ImportError:  # no wheel for this platform
     EmbreeScene = None
 
+_TRIANGLES_AT_ONCE = 1 << 16
+
 
 class RayCaster:
     """Casts rays at the triangles (t, 3, 3) that `tree` was built from.
@@ -27,7 +29,10 @@ class RayCaster:
         self._embree = None
         if use_embree and EmbreeScene is not None:
             self._embree = EmbreeScene(robust=True)
-            unit = np.ascontiguousarray((vertices - tree.center) / tree.diagonal, dtype=np.float32)
+            unit = np.empty(vertices.shape, np.float32)
+            for start in range(0, len(vertices), _TRIANGLES_AT_ONCE):  # no float64 copy of millions
+                part = slice(start, start + _TRIANGLES_AT_ONCE)
+                unit[part] = (vertices[part] - tree.center) / tree.diagonal
             TriangleMesh(self._embree, unit)
 
     def first_hit(self, origins: Float64, directions: Float64) -> tuple[Float64, NDArray[np.int64]]:
