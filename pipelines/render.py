@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,7 +15,7 @@ from pipelines.convert import ConvertSettings, describe_fit, describe_primitives
 from pipelines.documents import report_header
 from pipelines.errors import UsageError
 from pipelines.studio import AS_IN_THE_FILE, DEFAULT_FRAMES, LightingOptions, Studio
-from runtime.views import AOV_LAYERS, VIEWS
+from runtime.views import AOV_LAYERS, UNLIT, VIEWS
 
 if TYPE_CHECKING:
     from fit.primitives import PrimitiveSet
@@ -31,7 +31,8 @@ CONVERT_SHARE = 0.4
 
 @dataclass(frozen=True)
 class PictureSettings:
-    """What `render` was asked for; `size` in pixels, `exposure` in stops."""
+    """What `render` was asked for; `size` in pixels, `exposure` in stops. A view that shows no light takes
+    one frame and no technique, whatever `frames` and `gi` say."""
 
     scene: Path
     output: Path
@@ -58,6 +59,8 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
     from fit import gltf
 
     check(settings)
+    if settings.view in UNLIT and not settings.aov:
+        settings = replace(settings, gi="none", frames=1)
     progress("load", 0.0)
     scene = gltf.load(settings.scene, scale=settings.scale)
     studio = Studio.set_up(scene, settings.camera, settings.lighting, settings.size, settings.exposure)

@@ -252,6 +252,8 @@ class Renderer:
         if name == "final":
             radiance: Float32 = self._radiance.read()[..., :3]
             return radiance
+        if name in views.PANELS:
+            return np.hstack([self.read_view(panel) for panel in views.PANELS[name]])
         if name in self.technique.views():
             return _three_channels(self.technique.views()[name].read())
         shared = {

@@ -31,17 +31,28 @@ LAYERS = (
     "emission",
     "roughness",
     "motion",
+    "mesh",
 )
 """In the order of `view/extract_layer.wgsl`."""
 
-TRACED = {"primitives": "view/show_primitives", "sdf-steps": "view/count_steps"}
+TRACED = {
+    "primitives": "view/show_primitives",
+    "blend": "view/blend_primitives",
+    "sdf-steps": "view/count_steps",
+}
 """Views that trace the primitive set itself, and their kernels."""
 
 AOV_LAYERS = ("position", "normal", "albedo", "direct", "indirect", "irradiance")
 """Layers that an EXR with `aov` carries beside the picture."""
 
-VIEWS = ("final", *LAYERS, *TRACED)
+PANELS = {"side-by-side": ("mesh", "blend", "primitives")}
+"""Views that are several others, from left to right."""
+
+VIEWS = ("final", *LAYERS, *TRACED, *PANELS)
 """Every view but the technique's own, which are named `<technique>/<texture>`."""
+
+UNLIT = ("albedo", "normal", "face_normal", "position", "depth", "emission", "mesh", *TRACED, *PANELS)
+"""Views that show no light: one frame without a technique gives them."""
 
 MOST_STEPS = 64
 """Steps of a ray that `sdf-steps` shows as white."""
@@ -129,7 +140,7 @@ def to_display(name: str, pixels: Float32, settings: RenderSettings) -> UInt8:
         return _bytes(0.5 + pixels * [10.0, 10.0, 0.0])
     if name == "sdf-steps":
         return _bytes(_heat(pixels[..., 0] / MOST_STEPS))
-    if name in ("albedo", "roughness", "primitives"):
+    if name in ("albedo", "roughness", "mesh", "primitives", "blend", *PANELS):
         return encode(pixels)
     return encode(pixels, settings.exposure, settings.tone_curve)
 

@@ -87,6 +87,13 @@ def test_a_techniques_own_view(render: Callable[..., Any], tmp_path: Path) -> No
     assert "sdfddgi/probe-atlas" in ran.err
 
 
+def test_views_without_light_take_one_frame(render: Callable[..., Any], tmp_path: Path) -> None:
+    ran = render("-o", tmp_path / "a.png", "--view", "side-by-side", "--json")
+    assert ran.code == 0, ran.err
+    assert (ran.report["gi"], ran.report["frames"]) == ("none", 1)
+    assert np.asarray(Image.open(tmp_path / "a.png")).shape == (40, 3 * 64, 3)
+
+
 def test_words_for_people(render: Callable[..., Any], tmp_path: Path) -> None:
     ran = render("-o", tmp_path / "a.png", "--gi", "none", "--sun", "-1,2,0,5")
     assert "sun from" in ran.out

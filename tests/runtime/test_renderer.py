@@ -152,6 +152,25 @@ def test_primitives_are_seen_where_they_are(gpu, room, ray_caster):
     assert images["sdf-steps"][mesh].max() < 128 and images["sdf-steps"][mesh].min() >= 1
 
 
+def test_a_blend_tells_where_the_set_blocks_and_where_it_leaks(gpu, room):
+    """Exact, the set tints next to nothing; a box in front of all is red, the empty background blue."""
+    exact = make_renderer(gpu, room).render(
+        CAMERA, only=("mesh", "blend", "primitives", "side-by-side", "depth")
+    )
+    images = exact.images
+    mesh = images["depth"][..., 0] > 0
+    half = (images["mesh"] + images["primitives"]) / 2
+    assert np.mean(np.abs(images["blend"] - half).max(axis=-1) > 1e-3) < 0.06
+    panels = np.hstack([images[name] for name in ("mesh", "blend", "primitives")])
+    np.testing.assert_array_equal(images["side-by-side"], panels)
+    eye = np.asarray(CAMERA.world_from_local)
+    near = make_box(eye[:3, 3] - eye[:3, 2], (1, 1, 1), albedo=(0, 0, 0))
+    far = make_box(eye[:3, 3] - 90.0 * eye[:3, 2], (0.05, 0.05, 0.05), albedo=(0, 0, 0))
+    for wrong, channel in ((near, 0), (far, 2)):
+        shown = make_renderer(gpu, (room[0], wrong)).render(CAMERA, only=("blend",)).images["blend"]
+        assert np.mean(shown[mesh].argmax(axis=-1) == channel) > 0.9
+
+
 def test_timings_bear_the_kernels_names(gpu, room):
     result = make_renderer(gpu, room).render(CAMERA, frames=2, settle=1)
     assert set(result.timings) >= {

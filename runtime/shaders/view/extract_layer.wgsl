@@ -8,6 +8,7 @@ import package::lib::sky::{sky_radiance};
 import package::primary::gbuffer::{
     gbuffer_albedo, gbuffer_depth, gbuffer_emission, gbuffer_face_normal, gbuffer_motion, gbuffer_normal,
 };
+import package::view::headlight::{headlight};
 
 @group(0) @binding(8) var direct_irradiance: texture_2d<f32>;
 @group(0) @binding(9) var indirect_irradiance: texture_2d<f32>;
@@ -27,6 +28,7 @@ const DEPTH = 7u;
 const EMISSION = 8u;
 const ROUGHNESS = 9u;
 const MOTION = 10u;
+const MESH = 11u;
 
 fn layer_value(pixel: vec2u, depth: f32) -> vec3f {
     let albedo = textureLoad(gbuffer_albedo, pixel, 0);
@@ -44,6 +46,7 @@ fn layer_value(pixel: vec2u, depth: f32) -> vec3f {
         case EMISSION: { return emission.rgb; }
         case ROUGHNESS: { return vec3f(albedo.a, emission.a, 0.0); }
         case MOTION: { return vec3f(textureLoad(gbuffer_motion, pixel, 0).xy, 0.0); }
+        case MESH: { return albedo.rgb * headlight(gbuffer_normal(pixel), frame_ray(pixel).direction) + emission.rgb; }
         default: { return vec3f(0.0); }
     }
 }
