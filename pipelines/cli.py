@@ -210,7 +210,9 @@ def render_scene(
     frames
         Frames to render; the picture is the last one.
     view
-        What to show: final, direct, indirect, irradiance, albedo, normal, depth, primitives, sdf-steps, ...
+        What to show: final, direct, indirect, irradiance, albedo, normal, depth, sdf-steps, mesh, primitives,
+        blend (the set over the mesh; red where it blocks light, blue where it leaks), side-by-side (those
+        three in one picture), ...
     json
         Print the report as JSON.
     """
