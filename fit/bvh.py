@@ -52,7 +52,7 @@ class TriangleTree:
         self._levels = _box_levels(boxes)
 
     def _leaf_boxes(self, boxes: Float64) -> tuple[Float64, Int64]:
-        """Boxes (n, 6) about the tree's centre, of whole triangles and of pieces of long ones; their owners."""
+        """Boxes (n, 6) about the tree's centre, of triangles or, of long ones, pieces; their owners."""
         longest = self.diagonal / _PIECES_PER_DIAGONAL
         is_long = _length(boxes[:, 3:] - boxes[:, :3]) > longest
         boxes -= np.tile(self.center, 2)
@@ -169,7 +169,7 @@ def column_extremes(points: Float64) -> tuple[Float64, Float64]:
 
 
 def morton_order(points: Float64) -> Int64:
-    """Order (p,) of points (p, 3) along a Z-shaped curve: neighbours in it are near in space (Morton 1966)."""
+    """Order (p,) of points (p, 3) along a Z-shaped curve: its neighbours are near in space (Morton 1966)."""
     lower, upper = column_extremes(points)
     scale = ((1 << 21) - 1) / max(float((upper - lower).max()), _TINY)
     code = np.zeros(len(points), np.uint64)
@@ -257,7 +257,7 @@ def plane_frames(corners: Float64) -> Float64:
 
 
 def squared_distances(points: Float64, frame: Float64) -> Float64:
-    """Squared distance (k,) of points (k, 3) to the triangles of the frames (k, 12), exact (`plane_frames`)."""
+    """Squared distance (k,) of points (k, 3) to the triangles of `plane_frames` (k, 12), exact."""
     dx, dy, dz = (points[:, k] - frame[:, k] for k in range(3))
     x = dx * frame[:, 3] + dy * frame[:, 4] + dz * frame[:, 5]
     y = dx * frame[:, 6] + dy * frame[:, 7] + dz * frame[:, 8]

@@ -82,7 +82,7 @@ def solid_cells(grid: Grid, vertices: Float64) -> Bool:
 
 
 def _mark_at_corners(corners: Float64, solid: Bool) -> None:
-    """Marks cells that have a corner near their centre: of a fine mesh nearly all, which spares `_mark` work."""
+    """Marks cells that have a corner near their centre: of a fine mesh nearly all are done with that."""
     points = corners[:, 0]
     cells = np.floor(points)
     offset = points - cells - 0.5
