@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from fit.spaces import Air
     from runtime.renderer import Result
 
-Technique = Literal["sdfddgi", "none"]
+Technique = Literal["sdfddgi", "ddgi", "none"]
 
 CONVERT_SHARE = 0.4
 """Share of the progress bar that a conversion takes when it comes first."""

@@ -6,6 +6,7 @@ After a change: `python -m runtime.structs`.
 from __future__ import annotations
 
 from runtime.camera import Frame
+from runtime.ddgi import DdgiInfo, DdgiUpdate, RelocateSettings
 from runtime.lights import Light, Lighting
 from runtime.meshes import Instance, SurfaceMaterial
 from runtime.probes import ProbeGridInfo, ProbeRecord
@@ -34,4 +35,7 @@ STRUCTS: tuple[type[GpuStruct], ...] = (
     PlaceSettings,
     UpdateSettings,
     ProbeHistory,
+    DdgiInfo,
+    RelocateSettings,
+    DdgiUpdate,
 )

@@ -15,14 +15,14 @@ from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u, vec4f
 
 Float64 = NDArray[np.float64]
 
-ATLAS_COLUMNS = 512
-"""Tiles in a row of the atlas, at most."""
+ATLAS_COLUMNS = 448
+"""Tiles in a row of the atlas, at most: those of the largest maps still fit into 8192 texels."""
+
+GROUPS_IN_A_ROW = 32768
+"""More workgroups than WebGPU has on one axis go to a second one."""
 
 IRRADIANCE_SIZE = 8
 """Texels of a probe's irradiance map along a side."""
-
-IRRADIANCE_TILE = IRRADIANCE_SIZE + 2
-"""The same with the border of one texel that bilinear filtering needs."""
 
 OFF = -1.0
 """Irradiance scale of a probe that is switched off."""
@@ -62,11 +62,20 @@ class ProbeGrid:
     def columns(self) -> int:
         return min(len(self), ATLAS_COLUMNS)
 
-    @property
-    def atlas_size(self) -> tuple[int, int]:
-        """Width and height in texels."""
+    def atlas_size(self, map_size: int) -> tuple[int, int]:
+        """Width and height in texels of the atlas of all probes' maps of `map_size`^2 texels with borders."""
         rows = -(-len(self) // self.columns)
-        return IRRADIANCE_TILE * self.columns, IRRADIANCE_TILE * rows
+        return (map_size + 2) * self.columns, (map_size + 2) * rows
+
+    def info(self, origin: Float64, softness: float = 0.0) -> NDArray[np.void]:
+        """What shaders know of the grid, in the local space of a world with this origin (3,)."""
+        return ProbeGridInfo.pack(
+            lower=np.array(self.lower) - origin,
+            spacing=self.spacing,
+            counts=np.array(self.counts, np.uint32),
+            columns=self.columns,
+            softness=softness,
+        )
 
     def positions(self) -> Float64:
         """World positions (n, 3) of the grid's nodes, x fastest."""
@@ -96,6 +105,12 @@ class ProbeGrid:
         return ProbeGrid((float(start[0]), float(start[1]), float(start[2])), step, _triple(counts))
 
 
+def workgroups(count: int) -> tuple[int, int]:
+    """Workgroups on two axes, at least `count` of them."""
+    x = min(count, GROUPS_IN_A_ROW)
+    return x, -(-count // x)
+
+
 def _counts(extent: Float64, spacing: float) -> NDArray[np.int64]:
     return np.maximum(np.ceil(extent / spacing - 1e-6).astype(np.int64) + 1, 2)
 
@@ -118,18 +133,12 @@ class IrradianceProbes:
     def __init__(self, gpu: Gpu, grid: ProbeGrid, origin: Float64, softness: float) -> None:
         self.gpu, self.grid = gpu, grid
         self.info = Buffer(gpu, ProbeGridInfo.dtype.itemsize, "uniform", label="probe grid")
-        self.info.write(
-            ProbeGridInfo.pack(
-                lower=np.array(grid.lower) - origin,
-                spacing=grid.spacing,
-                counts=np.array(grid.counts, np.uint32),
-                columns=grid.columns,
-                softness=softness,
-            )
-        )
+        self.info.write(grid.info(origin, softness))
         self.records = Buffer(gpu, ProbeRecord.dtype.itemsize * len(grid), label="probe records")
         self.exact = Buffer(gpu, 16 * len(grid) * IRRADIANCE_SIZE**2, label="probe irradiance")
-        self.atlas = Texture(gpu, grid.atlas_size, "rgba16float", "sample|storage", label="probe atlas")
+        self.atlas = Texture(
+            gpu, grid.atlas_size(IRRADIANCE_SIZE), "rgba16float", "sample|storage", label="probe atlas"
+        )
         self.sampler = Sampler(gpu, "linear", label="probe atlas")
 
     def lookup_bindings(self) -> Mapping[str, Any]:
@@ -155,5 +164,5 @@ class IrradianceProbes:
     @property
     def memory(self) -> int:
         """Bytes on the GPU."""
-        width, height = self.grid.atlas_size
+        width, height = self.grid.atlas_size(IRRADIANCE_SIZE)
         return self.info.size + self.records.size + self.exact.size + 8 * width * height

@@ -17,7 +17,7 @@ import numpy as np
 from runtime.device import Gpu
 from runtime.encoder import Recorder
 from runtime.kernel import Kernel
-from runtime.probes import IrradianceProbes, ProbeGrid
+from runtime.probes import IrradianceProbes, ProbeGrid, workgroups
 from runtime.resources import Buffer, Texture
 from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u
 from runtime.technique import FrameLight
@@ -29,9 +29,6 @@ RAYS_AT_ONCE = 64
 RAYS_ON_SOFTWARE = 4096
 """Rays of a probe in one frame that Mesa's llvmpipe can follow. It leaves all loops of an invocation in
 silence after 65,535 rounds together; a ray takes about ten."""
-
-GROUPS_IN_A_ROW = 32768
-"""More workgroups than WebGPU has on one axis go to a second one."""
 
 
 class PlaceSettings(GpuStruct):
@@ -159,7 +156,7 @@ class Sdfddgi:
                     records=probes.records,
                     histories=self._histories,
                 )
-        groups = _spread(len(self.grid))
+        groups = workgroups(len(self.grid))
         with rec.compute(self._update.name) as compute_pass:
             self._update.dispatch(
                 compute_pass,
@@ -235,9 +232,3 @@ class Sdfddgi:
                 attraction=s.attraction * spacing,
             )
         )
-
-
-def _spread(count: int) -> tuple[int, int]:
-    """Workgroups on two axes, at least `count` of them."""
-    x = min(count, GROUPS_IN_A_ROW)
-    return x, -(-count // x)

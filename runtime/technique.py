@@ -21,6 +21,7 @@ Float32 = NDArray[np.float32]
 
 TECHNIQUES: Mapping[str, str] = {
     "sdfddgi": "runtime.sdfddgi:Sdfddgi",
+    "ddgi": "runtime.ddgi:Ddgi",
     "none": "runtime.no_gi:NoGi",
 }
 """Name -> module and class. The name is also the folder of its shaders."""

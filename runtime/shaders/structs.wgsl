@@ -145,3 +145,37 @@ struct ProbeHistory {  // 24 bytes
     age: f32,      // 16
     peak: f32,     // 20
 }
+
+struct DdgiInfo {  // 16 bytes
+    normal_bias: f32,  // 0
+    view_bias: f32,    // 4
+    farthest: f32,     // 8
+    gamma: f32,        // 12
+}
+
+struct RelocateSettings {  // 32 bytes
+    probe_count: u32,    // 0
+    is_first: u32,       // 4
+    may_sleep: u32,      // 8
+    backs_inside: f32,   // 12
+    clearance: f32,      // 16
+    reach: f32,          // 20
+    reach_of_rays: f32,  // 24
+    jump: f32,           // 28
+}
+
+struct DdgiUpdate {  // 64 bytes
+    rotation: vec4f,         // 0
+    probe_count: u32,        // 16
+    columns: u32,            // 20
+    rays: u32,               // 24
+    hysteresis: f32,         // 28
+    hysteresis_drop: f32,    // 32
+    change_clear: f32,       // 36
+    change_altogether: f32,  // 40
+    gamma: f32,              // 44
+    distance_exponent: f32,  // 48
+    farthest: f32,           // 52
+    reach: f32,              // 56
+    bounce: f32,             // 60
+}

@@ -147,7 +147,7 @@ def test_no_gi_is_black_and_has_no_settings(gpu):
     assert np.all(Gather(gpu, world, technique).irradiance(np.ones((5, 3)), np.ones((5, 3))) == 0)
     with pytest.raises(ValueError, match="no settings"):
         create("none", gpu, world, SdfddgiSettings())
-    with pytest.raises(ValueError, match="there are sdfddgi, none"):
+    with pytest.raises(ValueError, match="there are sdfddgi, ddgi, none"):
         create("vxgi", gpu, world)
 
 
