@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from fit.bvh import TriangleTree
+from fit.evidence import Space, inhabitants, weigh_spaces
 from fit.grid import Grid, solid_cells
+from fit.passages import find_passages
 from fit.rays import RayCaster
-from fit.sample import sample_surface
 from fit.scene import Float64, Scene
 from fit.spaces import OUTSIDE, Air, AirSpace
 from fit.surface import Surface
@@ -22,14 +23,6 @@ Int32 = NDArray[np.int32]
 
 RESOLUTION = 180
 """Cells along the bounds' diagonal."""
-
-ROOM_FRONT = 0.85
-"""A closed space is a room when at least this share of the surface around it shows its front to it.
-
-Measured: rooms 0.98 to 1.00; hollows in and behind walls, furniture and statues 0.00 to 0.71."""
-
-ROOM_SURFACE = 0.015
-"""A room has at least this share of all the surface around it: cupboards stay shut."""
 
 OUTSIDE_FRONT = 0.4
 """Where rooms are found, the outside is air too when it sees this share of fronts.
@@ -42,7 +35,6 @@ ROOMS_VOLUME = 0.1
 POCKET_BACK = 0.7
 """From this share of directions that end on the back of a face, a point counts as inside something."""
 
-_EVIDENCE_SAMPLES = 40_000
 _POCKET_SEEDS = 12_000
 _POCKET_DIRECTIONS = 32
 _MIN_POCKET_CELLS = 300
@@ -51,29 +43,19 @@ _MIN_REPORTED_CELLS = 64
 Seed = str | tuple[float, float, float]
 
 
-@dataclass(frozen=True)
-class _Space:
-    """What is known of one space; `front` is the share of the surface around it that faces it."""
+class LostSeed(ValueError):
+    """A seed of the air lies in no free space but within `room` of a surface; `nearest` is a free point."""
 
-    number: int
-    cells: int
-    front: float
-    surface_share: float
-    double_sided: float
-    cameras: tuple[str, ...]
-    lights: int
-
-    def describe(self) -> str:
-        words = ["the outside" if self.number == OUTSIDE else "closed"]
-        if self.surface_share > 0:
-            words.append(f"{self.front:.0%} of the surface around it faces it")
-            words.append(f"{self.surface_share:.1%} of all surface")
-        if self.double_sided > 0.5:
-            words.append(f"{self.double_sided:.0%} of that is double-sided")
-        words += [f"holds camera {name!r}" for name in self.cameras]
-        if self.lights:
-            words.append(f"holds {self.lights} of the lights")
-        return ", ".join(words)
+    def __init__(
+        self, seed: tuple[float, float, float], nearest: tuple[float, float, float], room: float
+    ) -> None:
+        place = ",".join(f"{value:g}" for value in seed)
+        x, y, z = nearest
+        super().__init__(
+            f"air {place}: the point lies in no free space, within {room:.3g} m of a surface; "
+            f"the nearest free point is {x:.6g},{y:.6g},{z:.6g}"
+        )
+        self.seed, self.nearest, self.room = seed, nearest, room
 
 
 def parse_seed(text: str) -> Seed:
@@ -115,19 +97,19 @@ def find_air(
     tree = TriangleTree(walls.vertices)
     grid = Grid.around(*walls.bounds, resolution)
     label = ndimage.label(~solid_cells(grid, walls.vertices))[0].astype(np.int32)
-    air = Air(grid, label, label > 0, (), (), (), walls, tree, RayCaster(walls.vertices, tree))
-    spaces = _spaces(air, scene)
+    air = Air(grid, label, label > 0, (), (), (), (), walls, tree, RayCaster(walls.vertices, tree))
+    spaces = weigh_spaces(air, scene)
     if seeds:
         pockets = _split_pockets(air, tuple(space.number for space in spaces))
         taken = _spaces_of_seeds(air, seeds)
     else:
         taken = _spaces_with_evidence(spaces, air.label.size)
         pockets = _split_pockets(air, tuple(taken))
-        taken |= {place: "a camera is in it" for _, place in _inhabitants(air, scene)[0] if place in pockets}
+        taken |= {place: "a camera is in it" for _, place in inhabitants(air, scene)[0] if place in pockets}
     return _with_decision(air, spaces, pockets, taken)
 
 
-def _with_decision(air: Air, spaces: list[_Space], pockets: list[int], taken: dict[int, str]) -> Air:
+def _with_decision(air: Air, spaces: list[Space], pockets: list[int], taken: dict[int, str]) -> Air:
     descriptions = {space.number: space.describe() for space in spaces}
     descriptions |= dict.fromkeys(pockets, "open only through a hole, backs of faces all around")
     cells = np.bincount(air.label.ravel())
@@ -137,10 +119,12 @@ def _with_decision(air: Air, spaces: list[_Space], pockets: list[int], taken: di
             evidence = f"{taken.get(number, 'not taken')}: {descriptions[number]}"
             entry = AirSpace(_deepest_point(air, number), float(cells[number]) * air.cell**3, evidence)
             described[number not in taken].append(entry)
+    air_labels = tuple(sorted(taken))
     return replace(
         air,
-        free=np.isin(air.label, list(taken)),
-        air_labels=tuple(sorted(taken)),
+        free=np.isin(air.label, air_labels),
+        air_labels=air_labels,
+        passages=tuple(find_passages(air.grid, air.label, air_labels, air.rays)),
         spaces=tuple(described[0]),
         rejected=tuple(described[1]),
     )
@@ -159,56 +143,14 @@ def _deepest_point(air: Air, number: int) -> tuple[float, float, float]:
 # ---------------------------------------------------------------------------------------------- evidence
 
 
-def _spaces(air: Air, scene: Scene | None) -> list[_Space]:
-    """All spaces, largest first."""
-    samples = sample_surface(air.walls, _EVIDENCE_SAMPLES, seed=0)
-    front, back = (
-        air.labels_seen(samples.points, samples.normals),
-        air.labels_seen(samples.points, -samples.normals),
-    )
-    double_sided = air.walls.double_sided[samples.triangle]
-    size = int(air.label.max()) + 1
-    cells = np.bincount(air.label.ravel(), minlength=size)
-    # A sheet with the same space on both sides tells nothing of it.
-    one_sided = front != back
-    facing, facing_away = (np.bincount(side[one_sided], minlength=size) for side in (front, back))
-    around = facing + facing_away
-    double = np.bincount(front[one_sided & double_sided], minlength=size)
-    double += np.bincount(back[one_sided & double_sided], minlength=size)
-    cameras, lights = _inhabitants(air, scene)
-    return [
-        _Space(
-            number,
-            int(cells[number]),
-            front=float(facing[number] / max(around[number], 1)),
-            surface_share=float(around[number] / len(samples)),
-            double_sided=float(double[number] / max(around[number], 1)),
-            cameras=tuple(name for name, place in cameras if place == number),
-            lights=sum(place == number for place in lights),
-        )
-        for number in (np.argsort(-cells[1:], kind="stable") + 1).tolist()
-    ]
-
-
-def _inhabitants(air: Air, scene: Scene | None) -> tuple[list[tuple[str, int]], list[int]]:
-    """The space of each camera, with its name, and of each point or spot light."""
-    if scene is None:
-        return [], []
-    names = [camera.name or str(i) for i, camera in enumerate(scene.cameras)]
-    cameras = [camera.world_from_local[:3, 3] for camera in scene.cameras]
-    lights = [light.world_from_local[:3, 3] for light in scene.lights if light.kind != "directional"]
-    places = air.labels_at(np.array(cameras + lights).reshape(-1, 3)).tolist()
-    return list(zip(names, places[: len(cameras)], strict=True)), places[len(cameras) :]
-
-
-def _spaces_with_evidence(spaces: list[_Space], grid_cells: int) -> dict[int, str]:
+def _spaces_with_evidence(spaces: list[Space], grid_cells: int) -> dict[int, str]:
     """Numbers of the spaces that are air, with the reason."""
     taken: dict[int, str] = {}
     for space in spaces:
         if space.cameras:
             taken[space.number] = "a camera is in it"
-        elif space.number != OUTSIDE and _is_room(space):
-            taken[space.number] = "a room, seen from inside"
+        elif space.number != OUTSIDE and (reason := space.reason()):
+            taken[space.number] = reason
     outside = next(space for space in spaces if space.number == OUTSIDE)
     if OUTSIDE in taken:
         return taken
@@ -220,10 +162,6 @@ def _spaces_with_evidence(spaces: list[_Space], grid_cells: int) -> dict[int, st
     return taken
 
 
-def _is_room(space: _Space) -> bool:
-    return space.front >= ROOM_FRONT and space.surface_share >= ROOM_SURFACE
-
-
 def _spaces_of_seeds(air: Air, seeds: Sequence[Seed]) -> dict[int, str]:
     taken: dict[int, str] = {}
     for given in seeds:
@@ -233,12 +171,8 @@ def _spaces_of_seeds(air: Air, seeds: Sequence[Seed]) -> dict[int, str]:
             continue
         (number,) = air.labels_at(np.array([seed], float)).tolist()
         if number == 0:
-            x, y, z = _nearest_free_center(air, np.array(seed, float))
-            place = ",".join(f"{value:g}" for value in seed)
-            raise ValueError(
-                f"air {place}: the point lies in no free space, within {air.cell / 2:.3g} m of a surface; "
-                f"the nearest free point is {x:.6g},{y:.6g},{z:.6g}"
-            )
+            x, y, z = _nearest_free_center(air, np.array(seed, float)).tolist()
+            raise LostSeed(seed, (x, y, z), air.cell / 2)
         taken[number] = "asked for"
     return taken
 

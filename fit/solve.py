@@ -11,8 +11,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fit.air import find_air
+from fit.air import LostSeed, find_air, parse_seed
 from fit.build import STEPS, Pool, Scope, build
+from fit.canonical import (
+    Pose,
+    TurnedAir,
+    in_axes_of,
+    to_canonical,
+    world_air,
+    world_primitives,
+    world_surface,
+)
 from fit.color import color
 from fit.fit_parts import PartFits, fit_parts
 from fit.grow import make_lattice
@@ -25,7 +34,7 @@ from fit.scene import Scene
 from fit.shapes import KINDS, Shapes, to_primitives
 from fit.spaces import Air
 from fit.split import split
-from fit.surface import Surface, from_scene
+from fit.surface import Surface
 from fit.targets import make_targets, see_surface
 
 BYTES_PER_PRIMITIVE = 64
@@ -126,9 +135,9 @@ def fit(
     """
     stages = _Stages(progress)
     with stages("air"):
-        surface = from_scene(scene)
-        if air is None:
-            air = find_air(surface, scene, resolution=settings.resolution, seeds=settings.air)
+        # A given air that was found in the world's axes keeps them.
+        pose, scene, surface = to_canonical(scene) if air is None else in_axes_of(air, scene)
+        air = _canonical_air(air, pose, scene, surface, settings)
     with stages("samples"):
         seen = see_surface(air, SURFACE_SAMPLES, settings.seed)
         parts = split(scene, air.walls)
@@ -156,7 +165,22 @@ def fit(
         metrics = measure(primitives, surface, air, seed=settings.seed, probes=probes)
         errors = measure_each(primitives, probes)
     notes = _notes(shapes, settings, targets)
-    return Fit(primitives, surface, air, metrics, errors, skipped, stages.seconds, notes)
+    return Fit(
+        world_primitives(primitives, pose), world_surface(surface, pose), world_air(air, pose),
+        metrics, errors, skipped, stages.seconds, notes,
+    )  # fmt: skip
+
+
+def _canonical_air(air: Air | None, pose: Pose, scene: Scene, surface: Surface, settings: FitSettings) -> Air:
+    if air is not None:
+        return air.inner if isinstance(air, TurnedAir) else air
+    given = [parse_seed(seed) if isinstance(seed, str) else seed for seed in settings.air]
+    seeds = [seed if isinstance(seed, str) else pose.triple_inwards(seed) for seed in given]
+    try:
+        return find_air(surface, scene, resolution=settings.resolution, seeds=seeds)
+    except LostSeed as lost:
+        seed, nearest = pose.triple_outwards(lost.seed), pose.triple_outwards(lost.nearest)
+        raise LostSeed(seed, nearest, lost.room) from None
 
 
 PART_BONUS, EXACT_BONUS = 1.1, 1.5
