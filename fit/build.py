@@ -1,9 +1,12 @@
-"""The set, grown by rounds: propose where it is wrong, choose what pays, refine together, drop what is idle.
+"""The set, grown by rounds: propose where it is wrong, choose what pays, refine together, move what idles.
 
 It is the alternation of variational shape approximation (Cohen-Steiner et al. 2004) and of its hybrid form
 (Wu and Kobbelt 2005), with distances to surface and air in the place of distances to the proxy's plane:
 proposals at the worst places are its seeding, the nearest primitive is its partition, the joint refinement
-its refit, and pruning with a new choice its teleportation.
+its refit, and dropping, merging and splitting with a new choice its teleportation.
+
+No step raises E and the rungs of growth do not know the budget, so a larger budget is never worse: a set
+between two rungs is the upper one's, less the shapes that it needs least.
 """
 
 from __future__ import annotations
@@ -14,28 +17,30 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.choose import choose, prune
+from fit.choose import choose, offer, prune, without_least
 from fit.grow import Lattice, grow_boxes
 from fit.objective import Targets, error, penalties, set_distances
 from fit.refine import refine
 from fit.scene import Float64
 from fit.shapes import KINDS, Shapes, are_of, join, no_shapes
 
-SIZES = (4, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)
-"""Rounds end at these sizes whatever the budget: a larger budget goes on from where a smaller one stopped."""
+RUNGS = (4, 6, 8, 12, 16, 20, 24, 32, 40, 48, 64, 80, 96, 128, 160, 192, 256, 320, 384, 448, 512)
+"""Sizes at which rounds of growth end, whatever the budget."""
 
 SEEDS = 400
-"""Surface points, drawn by the error there, that boxes are grown from in a round."""
+"""Points, drawn by the error there, that boxes are grown from in a round."""
 
-TELEPORTS = 2
-"""Rounds at the final size, each of which may move the least useful tenth to where the error is largest."""
+MOVED_SHARE = 1 / 10
+"""Of the shapes: the least useful, which may move to where the error is largest at the end of a round."""
 
 EVALUATIONS = 60
-STEP_CELLS = 1.5
+"""Of the error, in one pass of the refinement."""
 
+STEP_CELLS = 1.5
+"""Farthest that a face may move in one pass."""
 
 STEPS = ("parts", "growing", "refinement", "teleportation")
-"""The optional steps in the order they join; `bench fit` leaves some out to learn what each brings."""
+"""The optional steps in the order in which they join; `bench fit` leaves some out to see what each brings."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ EVERYTHING = Scope()
 
 @dataclass(frozen=True)
 class Pool:
-    """Candidates that stay on offer in every round, and the factors (n,) on their gains."""
+    """Candidates that stay on offer all the time, and the factors (n,) on their gains."""
 
     shapes: Shapes
     bonus: Float64
@@ -74,57 +79,78 @@ def build(
 
     least_gain: share of the empty set's error that one more shape must take off; good_enough: an end before.
     """
-    rng = np.random.default_rng(seed)
     least = least_gain * max(error(no_shapes(), targets), np.finfo(float).tiny)
-    shapes = fixed.select(slice(0, limit))
-    for size in [*(s for s in SIZES if len(fixed) < s < limit), limit]:
-        before = len(shapes)
-        shapes = _round(shapes, len(fixed), targets, lattices, pool, size, least, scope, rng)
+    growth = _Growth(targets, lattices, pool, scope, len(fixed), least, np.random.default_rng(seed))
+    lower, upper = no_shapes(), fixed
+    for rung in (r for r in RUNGS if r > len(fixed)):
+        lower, upper = upper, growth.climb(upper, rung)
         if progress:
-            progress(len(shapes) / limit)
-        if len(shapes) <= before or (good_enough and good_enough(shapes)):
+            progress(min(1.0, len(upper) / limit))
+        if len(upper) <= len(lower) or len(upper) >= limit or (good_enough and good_enough(upper)):
             break
-    for _ in range(TELEPORTS if "teleportation" in scope.steps else 0):
-        kept = prune(
-            shapes, targets, least_gain=least, kept=len(fixed), at_most=len(shapes) - len(shapes) // 10
-        )
-        size = min(limit, len(shapes))
-        moved = _round(kept, len(fixed), targets, lattices, pool, size, least, scope, rng)
-        if error(moved, targets) > (1 - 1e-3) * error(shapes, targets):
-            break
-        shapes = moved
-    return shapes
+    return growth.descend(upper, lower, limit)
 
 
-def _round(
-    shapes: Shapes,
-    kept: int,
-    targets: Targets,
-    lattices: list[Lattice],
-    pool: Pool,
-    size: int,
-    least: float,
-    scope: Scope,
-    rng: np.random.Generator,
-) -> Shapes:
-    distances = set_distances(shapes, targets)
-    standing = pool.shapes if "parts" in scope.steps else no_shapes()
-    grown = propose(targets, lattices, distances, rng) if "growing" in scope.steps else no_shapes()
-    candidates = join([standing, grown])
-    bonus = np.concatenate([pool.bonus[: len(standing)], np.ones(len(grown))])
-    allowed = are_of(candidates, scope.kinds)
-    candidates, bonus = candidates.select(allowed), bonus[allowed]
-    chosen = choose(candidates, targets, distances, count=size - len(shapes), least_gain=least, bonus=bonus)
-    shapes = join([shapes, candidates.select(np.array(chosen, np.int64))])
-    free = ~shapes.exact
-    free[:kept] = False
-    if "refinement" in scope.steps:
-        step = STEP_CELLS * lattices[0].cell
-        shapes = refine(shapes, targets, max_step=step, evaluations=EVALUATIONS, free=free)
-        stays = are_of(shapes, scope.kinds)
-        stays[:kept] = True
-        shapes = shapes.select(stays)
-    return prune(shapes, targets, least_gain=least, kept=kept)
+@dataclass
+class _Growth:
+    """What the steps share."""
+
+    targets: Targets
+    lattices: list[Lattice]
+    pool: Pool
+    scope: Scope
+    kept: int
+    least: float
+    rng: np.random.Generator
+
+    def climb(self, shapes: Shapes, size: int) -> Shapes:
+        """A set of at most `size` shapes and of no larger error."""
+        grown = self._round(shapes, size)
+        if "teleportation" in self.scope.steps and len(grown) > self.kept:
+            fewer = len(grown) - max(1, int(MOVED_SHARE * len(grown)))
+            rest = prune(grown, self.targets, least_gain=self.least, kept=self.kept, at_most=fewer)
+            grown = self._better(self._round(rest, size), grown)
+        return self._better(grown, shapes)
+
+    def descend(self, shapes: Shapes, lower: Shapes, limit: int) -> Shapes:
+        """At most `limit` shapes between two rungs: no better than `shapes`, no worse than `lower`."""
+        while len(shapes) > limit:
+            fewer, heirs = without_least(shapes, self.targets, self.kept)
+            refined = self._refined(fewer, heirs)
+            shapes = refined if self._error(refined) >= self._error(shapes) else fewer
+        return self._better(shapes, lower) if len(lower) <= limit else shapes
+
+    def _round(self, shapes: Shapes, size: int) -> Shapes:
+        distances = set_distances(shapes, self.targets)
+        candidates, bonus = self._candidates(distances)
+        offers = offer(candidates, bonus, self.targets, distances)
+        chosen = choose(offers, self.targets, distances, count=size - len(shapes), least_gain=self.least)
+        grown = join([shapes, candidates.select(np.array(chosen, np.int64))])
+        return prune(self._refined(grown), self.targets, least_gain=0.0, kept=self.kept)
+
+    def _candidates(self, distances: Float64) -> tuple[Shapes, Float64]:
+        standing = self.pool.shapes if "parts" in self.scope.steps else no_shapes()
+        grown = no_shapes()
+        if "growing" in self.scope.steps:
+            grown = propose(self.targets, self.lattices, distances, self.rng)
+        candidates = join([standing, grown])
+        bonus = np.concatenate([self.pool.bonus[: len(standing)], np.ones(len(grown))])
+        allowed = are_of(candidates, self.scope.kinds)
+        return candidates.select(allowed), bonus[allowed]
+
+    def _refined(self, shapes: Shapes, free: NDArray[np.bool_] | bool = True) -> Shapes:
+        if "refinement" not in self.scope.steps:
+            return shapes
+        free = free & ~shapes.exact & (np.arange(len(shapes)) >= self.kept)
+        step = STEP_CELLS * self.lattices[0].cell
+        refined = refine(shapes, self.targets, max_step=step, evaluations=EVALUATIONS, free=free)
+        return refined if are_of(refined, self.scope.kinds)[self.kept :].all() else shapes
+
+    def _better(self, one: Shapes, other: Shapes) -> Shapes:
+        return one if self._error(one) < self._error(other) else other
+
+    def _error(self, shapes: Shapes) -> float:
+        return error(shapes, self.targets)
 
 
 def propose(
@@ -139,7 +165,7 @@ def propose(
 
 
 def _worst(targets: Targets, distances: Float64, rng: np.random.Generator) -> NDArray[np.int64]:
-    chance = np.where(targets.is_surface, penalties(targets, distances), 0.0)
+    chance = np.where(targets.is_surface | targets.is_ray, penalties(targets, distances), 0.0)
     total = float(chance.sum())
     if not total > 0:
         return np.zeros(0, np.int64)

@@ -1,17 +1,27 @@
-"""What a set is fitted to: distances that are known, at surfaces (zero) and in the free air (to the surface).
+"""What a set is fitted to: distances that are known at surfaces (zero) and in the free air (to the surface).
 
-One residual serves every step of the method, from the choice of candidates to the joint refinement:
+One error serves every step of the method, from the choice of candidates to the joint refinement:
 
     E(S) = sum_i w_i rho(min(d_S(x_i), cap_i) - D_i)
     rho(r) = sqrt(r^2 + soft^2) - soft, times `STICKS_OUT` for r < 0
 
 Where neither surface nor free air is, nothing is asked for: a wall seen from one side may be as thick as it
 likes, and a solid may be one box however hollow it was modelled.
+
+Rays are targets too. A ray leaks when it runs on for a certain *way* behind the surface that it hit and meets
+no primitive there. So what counts is the distance of the set from that way, and it saturates: a leak is a
+leak, however near the set lies.
+
+    rho(r) = e / (1 + e / leak), e = sqrt(max(r, 0)^2 + soft^2) - soft
+
+Of points inside a solid (D < 0) only what is farther out counts: a union's distance there is a bound.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +32,24 @@ from fit.shapes import Shapes, distances_to_one
 STICKS_OUT = 1.3
 """Error of a set nearer than the surface (it darkens the air) against one that is farther (it leaks)."""
 
+PLACES = (0.0, 0.5, 1.0)
+"""Where along a ray's way the set's distance is taken; the least of them is the ray's."""
+
+RUN = 64
+"""Targets on end that are searched together; `fit.targets` puts neighbours in space side by side."""
+
+_SCALARS = ("reach", "soft", "leak")
+
+Rows = NDArray[np.integer] | slice
+
 
 @dataclass(frozen=True)
 class Targets:
-    """p points (p, 3) whose distance to the surface is known: distances (p,), weights (p,) that sum to 1 over
-    the surface and to 1 over the air; normals (p, 3) toward the air, zero in the air itself;
-    sample (p,) row of the surface samples that a point is, -1 in the air;
-    caps (p,): farther distances count as this one, at most `reach`; soft: errors far below count as none."""
+    """p points (p, 3) whose distance to the surface is known: distances (p,), weights (p,); normals (p, 3)
+    toward the air, zero where there is none to tell; sample (p,) row of the surface samples that a point is,
+    else -1; caps (p,): farther distances count as this one, at most `reach`; ways (p, 3): of rays, from the
+    hit to where the ray has leaked, zero for all others; soft: errors far below count as none; leak: distance
+    from which a ray's error hardly grows."""
 
     points: Float64
     distances: Float64
@@ -36,8 +57,10 @@ class Targets:
     normals: Float64
     sample: NDArray[np.int64]
     caps: Float64
+    ways: Float64
     reach: float
     soft: float
+    leak: float
 
     def __len__(self) -> int:
         return len(self.points)
@@ -46,33 +69,111 @@ class Targets:
     def is_surface(self) -> NDArray[np.bool_]:
         return self.sample >= 0
 
-    def select(self, index: NDArray[np.generic]) -> Targets:
-        rows = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in ("reach", "soft")}
-        return Targets(**rows, reach=self.reach, soft=self.soft)
+    @cached_property
+    def is_ray(self) -> NDArray[np.bool_]:
+        return self.ways.any(axis=1)
+
+    @cached_property
+    def one_sided(self) -> NDArray[np.bool_]:
+        """Where the set may be nearer, or deeper, at no cost."""
+        return self.is_ray | (self.distances < 0)
+
+    @property
+    def places(self) -> tuple[Float64, NDArray[np.int64]]:
+        """All points (q, 3) at which distances are taken, and the target (q,) that each belongs to."""
+        rays = np.flatnonzero(self.is_ray)
+        further = [self.points[rays] + share * self.ways[rays] for share in PLACES[1:]]
+        rows = [np.arange(len(self)), *[rays] * len(further)]
+        return np.concatenate([self.points, *further]), np.concatenate(rows)
+
+    @cached_property
+    def runs(self) -> tuple[Float64, Float64]:
+        """Bounds (k, 3) of each `RUN` rows on end, the rays' ways among them."""
+        starts = np.arange(0, len(self), RUN)
+        ends = self.points + self.ways
+        lower, upper = np.minimum(self.points, ends), np.maximum(self.points, ends)
+        return np.minimum.reduceat(lower, starts), np.maximum.reduceat(upper, starts)
+
+    def select(self, index: NDArray[np.generic] | slice) -> Targets:
+        return Targets(
+            **{f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in _SCALARS},
+            **{name: getattr(self, name) for name in _SCALARS},
+        )
 
 
-def penalties(
-    targets: Targets, distances: Float64, rows: NDArray[np.integer] | slice = slice(None)
-) -> Float64:
+def join_targets(several: Sequence[Targets]) -> Targets:
+    """All rows of targets that agree about reach, soft and leak."""
+    return Targets(
+        **{
+            f.name: np.concatenate([getattr(t, f.name) for t in several])
+            for f in fields(Targets)
+            if f.name not in _SCALARS
+        },
+        **{name: getattr(several[0], name) for name in _SCALARS},
+    )
+
+
+def penalties(targets: Targets, distances: Float64, rows: Rows = slice(None)) -> Float64:
     """Weighted error (k,) of the targets `rows` when the set is at these signed distances (k,)."""
-    residual = np.clip(distances, -targets.reach, targets.caps[rows]) - targets.distances[rows]
-    error = np.sqrt(residual * residual + targets.soft**2) - targets.soft
+    residual, error = _residuals(targets, distances, rows)
+    error = np.where(targets.is_ray[rows], error / (1 + error / targets.leak), error)
     return targets.weights[rows] * error * np.where(residual < 0, STICKS_OUT, 1.0)
 
 
-def penalty_slopes(targets: Targets, distances: Float64) -> Float64:
-    """Derivative (p,) of `penalties` by the distance."""
-    residual = np.minimum(distances, targets.caps) - targets.distances
-    slope = residual / np.sqrt(residual * residual + targets.soft**2)
-    slope[(distances >= targets.caps) | (distances <= -targets.reach)] = 0.0
-    return targets.weights * slope * np.where(residual < 0, STICKS_OUT, 1.0)
+def penalty_slopes(targets: Targets, distances: Float64, rows: Rows = slice(None)) -> Float64:
+    """Derivative (k,) of `penalties` by the distance."""
+    residual, error = _residuals(targets, distances, rows)
+    slope = residual / (error + targets.soft)
+    slope = np.where(targets.is_ray[rows], slope / (1 + error / targets.leak) ** 2, slope)
+    slope[(distances >= targets.caps[rows]) | (distances <= -targets.reach)] = 0.0
+    return targets.weights[rows] * slope * np.where(residual < 0, STICKS_OUT, 1.0)
+
+
+def _residuals(targets: Targets, distances: Float64, rows: Rows) -> tuple[Float64, Float64]:
+    """Signed residual and soft absolute error (k,)."""
+    residual = np.clip(distances, -targets.reach, targets.caps[rows]) - targets.distances[rows]
+    residual = np.where(targets.one_sided[rows], np.maximum(residual, 0.0), residual)
+    return residual, np.sqrt(residual * residual + targets.soft**2) - targets.soft
+
+
+def near_rows(shapes: Shapes, which: int, targets: Targets, within: Float64 | float) -> NDArray[np.int64]:
+    """Rows, sorted, among which are all targets nearer to one shape than `within`: a bound for each run."""
+    lower, upper = targets.runs
+    half = np.abs(shapes.frames[which]) @ shapes.halves[which]
+    gap = np.maximum(lower - (shapes.centers[which] + half), (shapes.centers[which] - half) - upper)
+    near = np.flatnonzero((np.maximum(gap, 0.0) ** 2).sum(axis=1) < within * within)
+    rows = (near[:, None] * RUN + np.arange(RUN)).ravel()
+    return rows[: np.searchsorted(rows, len(targets))]
+
+
+def distances_from(shapes: Shapes, which: int, targets: Targets, rows: Rows = slice(None)) -> Float64:
+    """Signed distance (k,) of one shape from targets: from points, or the nearest place of rays' ways."""
+    points, is_ray = targets.points[rows], targets.is_ray[rows]
+    distances = distances_to_one(shapes, which, points)
+    rays = np.flatnonzero(is_ray)
+    if len(rays):
+        starts, ways = points[rays], targets.ways[rows][rays]
+        for share in PLACES[1:]:
+            behind = distances_to_one(shapes, which, starts + share * ways)
+            distances[rays] = np.minimum(distances[rays], behind)
+    return distances
+
+
+def distance_table(shapes: Shapes, targets: Targets) -> Float64:
+    """Signed distances (n, p) of each shape from each target, no more than `reach`."""
+    table = np.full((len(shapes), len(targets)), targets.reach)
+    for i in range(len(shapes)):
+        rows = near_rows(shapes, i, targets, targets.reach)
+        table[i, rows] = np.minimum(distances_from(shapes, i, targets, rows), targets.reach)
+    return table
 
 
 def set_distances(shapes: Shapes, targets: Targets) -> Float64:
-    """Signed distance (p,) from the targets to the union, no more than `reach`."""
-    points, distances = targets.points, np.full(len(targets), targets.reach)
+    """Signed distance (p,) of the union from the targets, no more than `reach`."""
+    distances = np.full(len(targets), targets.reach)
     for i in range(len(shapes)):
-        np.minimum(distances, distances_to_one(shapes, i, points), out=distances)
+        rows = near_rows(shapes, i, targets, targets.reach)
+        distances[rows] = np.minimum(distances[rows], distances_from(shapes, i, targets, rows))
     return distances
 
 

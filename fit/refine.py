@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
+
 import nlopt
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.objective import Targets, error, penalties, penalty_slopes
+from fit.objective import Targets, error, near_rows, penalties, penalty_slopes, set_distances
 from fit.scene import Float64
 from fit.shapes import PARAMETERS, Shapes, distances_to_one, moved, pair_derivatives, pair_distances
 
@@ -59,81 +61,100 @@ def refine(
 def _descend(
     shapes: Shapes, targets: Targets, free: NDArray[np.bool_], max_step: float, evaluations: int
 ) -> Shapes:
-    targets = _thinned(targets, max(LEAST_TARGETS, TARGETS_PER_SHAPE * int(free.sum())))
-    point, shape = _pairs_that_matter(shapes, targets, max_step)
-    if len(point) == 0:
+    moving = shapes.select(free)
+    targets = _in_sight(moving, targets, 2 * MOST_STEPS * max_step)
+    pairs = _pairs_that_matter(moving, shapes.select(~free), targets, max_step)
+    if len(pairs.place) == 0:
         return shapes
-    starts = np.flatnonzero(np.diff(point, prepend=-1))
-    members = targets.select(point[starts])
-    first_of_run = np.zeros(len(point), np.int64)
-    first_of_run[starts[1:]] = 1
-    run = np.cumsum(first_of_run)
-    pair_points = targets.points[point]
-    scale = _scales(shapes, max_step)
-    moving = np.flatnonzero(free)
-    best_x, best_value = np.zeros(len(moving) * PARAMETERS), np.inf
+    refined = _minimise(moving, targets, pairs, max_step, evaluations)
+    rows = np.flatnonzero(free)
+    joined = {f.name: getattr(shapes, f.name).copy() for f in fields(Shapes)}
+    for name, values in joined.items():
+        values[rows] = getattr(refined, name)
+    return Shapes(**joined)
 
-    def steps(x: Float64) -> Float64:
-        full = np.zeros((len(shapes), PARAMETERS))
-        full[moving] = x.reshape(-1, PARAMETERS) * scale[moving]
-        return full
+
+def _in_sight(moving: Shapes, targets: Targets, margin: float) -> Targets:
+    """Targets that a moving shape may come near to, thinned evenly: a few shapes need no more than a few."""
+    near = np.zeros(len(targets), bool)
+    for i in range(len(moving)):
+        near[near_rows(moving, i, targets, targets.reach + margin)] = True
+    rows = np.flatnonzero(near)
+    most = max(LEAST_TARGETS, TARGETS_PER_SHAPE * len(moving))
+    return targets.select(rows[:: max(1, -(-len(rows) // most))])
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Places of targets (k, 3) and the moving shapes (k,) that may be nearest there; `starts` (m,) of the
+    runs of one target, `run` (k,), the targets (m,), and `fixed` (m,), how near the shapes that stay are."""
+
+    place: Float64
+    shape: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    run: NDArray[np.int64]
+    members: Targets
+    fixed: Float64
+
+
+def _pairs_that_matter(moving: Shapes, others: Shapes, targets: Targets, max_step: float) -> _Pairs:
+    """Pairs of a target's place and a shape that may become the nearest to the target as it moves."""
+    fixed = set_distances(others, targets)
+    places, owners = targets.places
+    order = np.argsort(owners, kind="stable")
+    places, owners = places[order], owners[order]
+    table = np.stack([distances_to_one(moving, i, places) for i in range(len(moving))])
+    first_place = np.flatnonzero(np.diff(owners, prepend=-1))
+    nearest = np.minimum(np.minimum.reduceat(table.min(axis=0), first_place), fixed)[owners]
+    limit = np.minimum(nearest + 2 * MOST_STEPS * max_step, targets.reach + MOST_STEPS * max_step)
+    if len(moving) > NEAREST:
+        limit = np.minimum(limit, np.partition(table, NEAREST - 1, axis=0)[NEAREST - 1])
+    place, shape = np.nonzero((table <= limit).T)
+    owner = owners[place]
+    starts = np.flatnonzero(np.diff(owner, prepend=-1))
+    run = np.cumsum(np.diff(owner, prepend=owner[:1]) > 0) if len(owner) else owner
+    members = owner[starts]
+    return _Pairs(places[place], shape, starts, run, targets.select(members), fixed[members])
+
+
+def _minimise(moving: Shapes, targets: Targets, pairs: _Pairs, max_step: float, evaluations: int) -> Shapes:
+    """The moving shapes at the lowest error that nlopt has seen."""
+    scale = _scales(moving, max_step)
+    best_x, best_value = np.zeros(scale.size), np.inf
 
     def objective(x: Float64, gradient: Float64) -> float:
         nonlocal best_x, best_value
-        trial = moved(shapes, steps(x))
-        distances = pair_distances(trial, pair_points, shape)
-        nearest = np.minimum.reduceat(distances, starts)
-        value = float(penalties(members, nearest).sum())
+        trial = moved(moving, x.reshape(-1, PARAMETERS) * scale)
+        distances = pair_distances(trial, pairs.place, pairs.shape)
+        nearest = np.minimum(np.minimum.reduceat(distances, pairs.starts), pairs.fixed)
+        value = float(penalties(pairs.members, nearest).sum())
         if np.isfinite(value) and value < best_value:
             best_x, best_value = x.copy(), value
         if gradient.size:
-            slope = penalty_slopes(members, nearest)[run]
-            carriers = np.flatnonzero((distances <= nearest[run]) & (slope != 0))
-            derivatives = pair_derivatives(trial, pair_points[carriers], shape[carriers]) * slope[carriers]
-            total = np.stack(
-                [np.bincount(shape[carriers], weights=row, minlength=len(shapes)) for row in derivatives],
-                axis=1,
-                dtype=np.float64,
-            )
-            total[:, 3:6] = _in_start_frames(shapes, trial, total[:, 3:6])
-            gradient[:] = (total * scale)[moving].ravel()
+            gradient[:] = (_slopes(moving, trial, pairs, distances, nearest) * scale).ravel()
         return value
 
-    optimizer = nlopt.opt(nlopt.LD_LBFGS, len(best_x))
+    optimizer = nlopt.opt(nlopt.LD_LBFGS, scale.size)
     optimizer.set_exceptions_enabled(False)
     optimizer.set_min_objective(objective)
-    lower, upper = _bounds(shapes, targets.reach, max_step, scale)
-    optimizer.set_lower_bounds(lower[moving].ravel())
-    optimizer.set_upper_bounds(upper[moving].ravel())
+    lower, upper = _bounds(moving, targets.reach, max_step, scale)
+    optimizer.set_lower_bounds(lower.ravel())
+    optimizer.set_upper_bounds(upper.ravel())
     optimizer.set_maxeval(evaluations)
     optimizer.set_ftol_rel(1e-5)
-    start = np.clip(best_x, lower[moving].ravel(), upper[moving].ravel())
-    optimizer.optimize(start)
-    return moved(shapes, steps(best_x))
+    optimizer.optimize(np.clip(best_x, lower.ravel(), upper.ravel()))
+    return moved(moving, best_x.reshape(-1, PARAMETERS) * scale)
 
 
-def _thinned(targets: Targets, most: int) -> Targets:
-    """At most about `most` targets, evenly out of the given order: a few shapes need no more."""
-    return targets.select(np.arange(0, len(targets), max(1, -(-len(targets) // most))))
-
-
-def _pairs_that_matter(
-    shapes: Shapes, targets: Targets, max_step: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows of targets, sorted, and shapes that may become their nearest within reach as they move."""
-    kept = min(NEAREST, len(shapes))
-    distances = np.full((kept, len(targets)), np.inf)
-    nearest = np.zeros((kept, len(targets)), np.int64)
-    for i in range(len(shapes)):
-        d = distances_to_one(shapes, i, targets.points)
-        which = np.full(len(targets), i)
-        for k in range(kept):  # one step of insertion sort, for all targets at once
-            closer = d < distances[k]
-            d, distances[k] = np.where(closer, distances[k], d), np.where(closer, d, distances[k])
-            which, nearest[k] = np.where(closer, nearest[k], which), np.where(closer, which, nearest[k])
-    limit = np.minimum(distances[0] + 2 * MOST_STEPS * max_step, targets.reach + MOST_STEPS * max_step)
-    point, column = np.nonzero((distances <= limit).T)
-    return point, nearest[column, point]
+def _slopes(moving: Shapes, trial: Shapes, pairs: _Pairs, distances: Float64, nearest: Float64) -> Float64:
+    """Derivatives (n, 9) of the error by the steps of the shapes; the nearest shape carries each target."""
+    slope = penalty_slopes(pairs.members, nearest)[pairs.run]
+    carriers = np.flatnonzero((distances <= nearest[pairs.run]) & (slope != 0))
+    shape = pairs.shape[carriers]
+    derivatives = pair_derivatives(trial, pairs.place[carriers], shape) * slope[carriers]
+    total = np.stack([np.bincount(shape, weights=row, minlength=len(moving)) for row in derivatives], axis=1)
+    total[:, 3:6] = _in_start_frames(moving, trial, total[:, 3:6])
+    return total
 
 
 def _in_start_frames(shapes: Shapes, trial: Shapes, slopes: Float64) -> Float64:

@@ -145,6 +145,7 @@ def inside_targets(targets: Targets, air: Air, solid: Solid, count: int, seed: i
         normals=np.zeros((len(points), 3)),
         sample=np.full(len(points), -1, np.int64),
         caps=np.full(len(points), FARTHEST_CELLS * air.cell),
+        ways=np.zeros((len(points), 3)),
     )
     rows: dict[str, Any] = {
         f.name: np.concatenate([getattr(targets, f.name), getattr(added, f.name)])

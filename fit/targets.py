@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from fit.objective import Targets
+from fit.objective import Targets, join_targets
 from fit.sample import Samples, sample_surface
 from fit.scene import Float64
 from fit.spaces import Air
@@ -23,6 +23,23 @@ SOFT_CELLS = 0.05
 NEAR_CELLS = 3
 """Half of the air's points are drawn nearer to a surface than this: there the set can be wrong in detail."""
 
+RAYS = 6_000
+"""Rays whose hits the set must not let pass."""
+
+RAYS_WEIGHT = 8.0
+"""Of all rays together; surface and air weigh 1 each."""
+
+LEAK_SHARE = 0.01
+"""Of the diagonal: a ray that goes on for longer behind its hit has leaked."""
+
+LEAK_CELLS = 0.5
+"""A ray that passes the set at this distance costs half of what any leak costs at most."""
+
+_OWN_RAYS = 7_919
+"""Added to the seed: rays that the set is measured with are others."""
+
+_RUN_REACH = 0.25
+"""Of the reach: edge of the cells by which targets are ordered."""
 
 RAYS_PER_POINT = 4
 """Rays from each point of the air: more of them make the projected areas of small parts certain."""
@@ -102,20 +119,69 @@ def _barycentric(corners: Float64, points: Float64) -> Float64:
 
 
 def make_targets(seen: Seen, air: Air, weights: Float64, count: int, seed: int) -> Targets:
-    """Targets of the seen samples of non-zero `weights` (p,), and `count` cells of the free air."""
+    """Targets of the seen samples of non-zero `weights` (p,), `count` cells of the free air, and rays."""
     rows = np.flatnonzero(weights > 0)
+    surface = _rows(air, seen.samples.points[rows], weights[rows], normals=seen.normals[rows], sample=rows)
     points, distances = _air_points(air, count, seed)
-    surface_count, air_count = len(rows), len(points)
+    free = _rows(air, points, np.full(len(points), 1.0 / max(len(points), 1)), distances=distances)
+    return _along_a_curve(join_targets([surface, free, _ray_targets(air, seed)]))
+
+
+def _rows(
+    air: Air,
+    points: Float64,
+    weights: Float64,
+    *,
+    distances: Float64 | None = None,
+    normals: Float64 | None = None,
+    sample: NDArray[np.int64] | None = None,
+    ways: Float64 | None = None,
+) -> Targets:
+    """Targets at points (p, 3); what is not given is zero, and no sample."""
+    reach, blank = REACH_CELLS * air.cell, np.zeros((len(points), 3))
     return Targets(
-        points=np.concatenate([seen.samples.points[rows], points]),
-        distances=np.concatenate([np.zeros(surface_count), distances]),
-        weights=np.concatenate([weights[rows], np.full(air_count, 1.0 / max(air_count, 1))]),
-        normals=np.concatenate([seen.normals[rows], np.zeros((air_count, 3))]),
-        sample=np.concatenate([rows, np.full(air_count, -1)]).astype(np.int64),
-        caps=np.full(surface_count + air_count, REACH_CELLS * air.cell),
-        reach=REACH_CELLS * air.cell,
+        points=points,
+        distances=np.zeros(len(points)) if distances is None else distances,
+        weights=weights,
+        normals=blank if normals is None else normals,
+        sample=np.full(len(points), -1) if sample is None else sample,
+        caps=np.full(len(points), reach),
+        ways=blank if ways is None else ways,
+        reach=reach,
         soft=SOFT_CELLS * air.cell,
+        leak=LEAK_CELLS * air.cell,
     )
+
+
+def _ray_targets(air: Air, seed: int) -> Targets:
+    """The ways of random rays behind their hits; they weigh `RAYS_WEIGHT` together."""
+    origins = air.random_points(RAYS, seed + _OWN_RAYS)
+    directions = random_directions(len(origins), seed + _OWN_RAYS)
+    distance, triangle = air.rays.first_hit(origins, directions)
+    hit = np.flatnonzero(triangle >= 0)
+    points = origins[hit] + distance[hit, None] * directions[hit]
+    normals = air.walls.normals[triangle[hit]]
+    normals = normals * -np.copysign(1.0, np.einsum("pk,pk->p", normals, directions[hit]))[:, None]
+    weights = np.full(len(hit), RAYS_WEIGHT / max(len(hit), 1))
+    ways = LEAK_SHARE * air.walls.diagonal * directions[hit]
+    return _rows(air, points, weights, normals=normals, ways=ways)
+
+
+def random_directions(count: int, seed: int) -> Float64:
+    """Unit vectors (count, 3), uniform."""
+    directions = np.random.default_rng(seed).normal(size=(count, 3))
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def _along_a_curve(targets: Targets) -> Targets:
+    """The same targets, neighbours in space side by side: runs of rows are compact, strides spread evenly."""
+    lower = targets.points.min(axis=0, initial=np.inf)
+    cells = ((targets.points - lower) / (_RUN_REACH * targets.reach)).astype(np.int64)
+    code = np.zeros(len(targets), np.int64)
+    for bit in range(20):
+        for axis in range(3):
+            code |= (cells[:, axis] >> bit & 1) << (3 * bit + axis)
+    return targets.select(np.argsort(code, kind="stable"))
 
 
 def _air_points(air: Air, count: int, seed: int) -> tuple[Float64, Float64]:

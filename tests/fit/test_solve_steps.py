@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
-from fit.choose import choose, prune
+from fit.choose import choose, offer, prune
 from fit.objective import Targets, error, penalties, penalty_slopes, set_distances
 from fit.orient import find_frames
 from fit.primitives import Kind, make_box, make_cylinder, make_sphere
@@ -48,14 +49,12 @@ def targets_around(shapes: Shapes, count: int = 1500, seed: int = 1) -> Targets:
     points = np.random.default_rng(seed).uniform(-2.5, 2.5, (count, 3))
     blank = Targets(
         points, np.zeros(count), np.full(count, 1 / count), np.zeros((count, 3)), np.arange(count),
-        np.full(count, 5.0), 5.0, 1e-3,
+        np.full(count, 5.0), np.zeros((count, 3)), 5.0, 1e-3, 0.1,
     )  # fmt: skip
     known = np.maximum(set_distances(shapes, blank), 0)
     outside = np.flatnonzero(known > 0)
     chosen = blank.select(outside)
-    return Targets(
-        chosen.points, known[outside], chosen.weights, chosen.normals, chosen.sample, chosen.caps, 5.0, 1e-3
-    )
+    return replace(chosen, distances=known[outside])
 
 
 def test_distances_agree_with_the_set_that_is_written() -> None:
@@ -113,14 +112,15 @@ def test_choice_takes_the_shapes_that_explain_and_stops() -> None:
     targets = targets_around(truth)
     candidates = join([decoys, truth])
     start = set_distances(no_shapes(), targets)
-    chosen = choose(candidates, targets, start, count=30, least_gain=1e-3 * error(no_shapes(), targets))
+    offers = offer(candidates, np.ones(len(candidates)), targets, start)
+    chosen = choose(offers, targets, start, count=30, least_gain=1e-3 * error(no_shapes(), targets))
     kept = prune(candidates.select(np.array(chosen)), targets, least_gain=1e-9)
     # Greedy is no exact solver: a decoy may stand in for a nearly hidden shape, but only at a small error.
     assert error(kept, targets) < 0.02 * error(no_shapes(), targets)
     assert len(kept) <= len(truth)
     assert sum(i >= len(decoys) for i in chosen) >= len(truth) - 1
-    assert choose(candidates, targets, start, count=2, least_gain=0.0) == chosen[:2]
-    assert choose(candidates, targets, start, count=9, least_gain=np.inf) == []
+    assert choose(offers, targets, start, count=2, least_gain=0.0) == chosen[:2]
+    assert choose(offers, targets, start, count=9, least_gain=np.inf) == []
 
 
 def test_pruning_keeps_the_first_shapes_and_the_cap() -> None:
