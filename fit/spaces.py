@@ -15,6 +15,7 @@ from scipy import ndimage
 
 from fit.bvh import TriangleTree
 from fit.grid import Grid
+from fit.passages import Passage
 from fit.rays import RayCaster
 from fit.scene import Float64
 from fit.surface import Surface
@@ -49,6 +50,7 @@ class Air:
     label (nx, ny, nz) int32: 0 in solid cells, else the number of the cell's space; the outside has number 1.
     free (nx, ny, nz) bool: cells of the spaces taken as air. spaces: those spaces, largest first;
     rejected: the other spaces of some size, with the evidence that spoke against them.
+    passages: openings of the air that are too narrow for the grid, which has closed them, the largest first.
     walls: the triangles that stop light; `tree` and `rays` search them.
     """
 
@@ -58,6 +60,7 @@ class Air:
     air_labels: tuple[int, ...]
     spaces: tuple[AirSpace, ...]
     rejected: tuple[AirSpace, ...]
+    passages: tuple[Passage, ...]
     walls: Surface
     tree: TriangleTree
     rays: RayCaster
@@ -71,6 +74,14 @@ class Air:
     def cell(self) -> float:
         """Edge of a cell."""
         return self.grid.cell
+
+    def notes(self) -> tuple[str, ...]:
+        """What the report should say of the passages that the grid has closed."""
+        return tuple(
+            f"a passage about {p.width:.3g} m wide near {', '.join(f'{x:.4g}' for x in p.point)} "
+            f"is too narrow for the grid's cells of {self.cell:.3g} m and counts as closed"
+            for p in self.passages
+        )
 
     @cached_property
     def distance(self) -> Float64:
