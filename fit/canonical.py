@@ -299,6 +299,9 @@ def world_air(air: Air, pose: Pose) -> TurnedAir:
         "grid": TurnedGrid(air.grid.origin, air.grid.cell, air.grid.shape, pose),
         "spaces": tuple(placed(space) for space in air.spaces),
         "rejected": tuple(placed(space) for space in air.rejected),
+        "passages": tuple(
+            replace(passage, point=pose.triple_outwards(passage.point)) for passage in air.passages
+        ),
         "walls": world_surface(air.walls, pose),
         "tree": _TurnedTree(air.tree, pose),
         "rays": _TurnedRays(air.rays, pose),
