@@ -11,12 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from fit.partition import Samples
 from fit.primitives import Kind
 from fit.scene import Float64
-from fit.shapes import Shapes, join, make_shapes, no_shapes, right_handed
+from fit.shapes import Shapes, join, make_shapes, right_handed
 from fit.spaces import Air
+
+Int64 = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 
 FACING = 0.8
 """Cosine to the region's normal from which surface counts as its own."""
@@ -27,68 +31,83 @@ OFF_PLANE = 0.6
 MARGIN = 2.0
 """Cells around the region's own samples that a rectangle may reach: it meets the walls across."""
 
-MOST_CELLS = 40
-"""Of the raster, along one side."""
+LEAST_STEP, MOST_STEPS = 0.5, 40
+"""Cells of the air's grid to one of the raster, and cells of the raster along a side."""
 
 DEPTHS = (0.0, 1.0, 2.0, 3.0, 4.5, 6.0)
 """Cells behind the plane where air is looked for."""
 
 THICKNESSES = (0, 1, 3, 5)
-"""How many of the depths beyond the first a slab reaches: thin sheets, walls and blocks."""
+"""Which of the depths a slab reaches: thin sheets, walls and blocks."""
+
+THIN = 0.5
+"""Cells of thickness of the slab that reaches no depth."""
+
+SHEET = 0.1
+"""Cells of thickness of a slab whose two sides are one surface."""
 
 AIR_COST = 2.0
 """Of a raster cell of air against one of surface."""
 
 UNSEEN_COST = 0.05
-"""Of a raster cell with neither: a rectangle is no larger than it must."""
+"""Of any raster cell: a rectangle is no larger than it must be."""
 
 MOST_RECTANGLES = 3
+
 LEAST_SCORE = 0.2
 """Of the first rectangle's score, for another one of the same region."""
 
-SHEET = 0.1
-"""Cells of thickness of a slab with air on both sides."""
-
 _ANGLES = 24
+_LONE = 4.0
+"""Cells from the next sample beyond which a surface is not the region's."""
 
 
 @dataclass(frozen=True)
-class _Raster:
-    """A region seen along its normal: frame (3, 3) columns u, v, normal (cells of the air's grid);
-    origin (3,) of the raster in it, its step; air (k, nu, nv): air at each depth; surface (nu, nv)."""
+class Patch:
+    """A region seen along its normal, lengths in cells of the air's grid.
 
+    members (m,): its samples; frame (3, 3): columns u, v, normal; origin (2,), step: of the raster (nu, nv);
+    air (k, nu, nv): air at each of `DEPTHS`; surface (nu, nv): its own surface is there, at `height`;
+    nearest (nu, nv): the member next to it; behind (b, 3): samples that face the other way, in the frame.
+    """
+
+    members: Int64
     frame: Float64
     origin: Float64
     step: float
-    air: NDArray[np.bool_]
-    surface: Float64
+    plane: float
+    air: Bool
+    surface: Bool
+    height: Float64
+    nearest: Int64
+    behind: Float64
 
 
-def slabs(samples: Samples, members: NDArray[np.int64], air: Air) -> Shapes:
-    """Candidate boxes of one region (rows of its samples, in cells of the air's grid about its origin)."""
+def make_patch(samples: Samples, members: Int64, air: Air) -> Patch | None:
+    """The patch of a region; None where its normals cancel out."""
     points, weights = samples.points[members], samples.weights[members]
     normal = (samples.normals[members] * weights[:, None]).sum(axis=0)
     length = float(np.linalg.norm(normal))
-    if len(members) < 3 or length < 1e-9 * weights.sum():
-        return no_shapes()
+    if len(members) < 3 or length < 0.1 * weights.sum():
+        return None
     frame = _tightest_frame(points, normal / length)
     own = points @ frame
-    height = float(np.average(own[:, 2], weights=weights))
-    spread = float(np.sqrt(np.average((own[:, 2] - height) ** 2, weights=weights)))
-    local = samples.points @ frame
-    lower, upper = own.min(axis=0) - MARGIN, own.max(axis=0) + MARGIN
-    near = np.all((local[:, :2] > lower[:2]) & (local[:, :2] < upper[:2]), axis=1)
-    near &= np.abs(local[:, 2] - height) < max(OFF_PLANE, 2 * spread)
-    facing = samples.normals @ frame[:, 2]
-    front = np.flatnonzero(near & (facing > FACING))
-    raster = _rasterized(air, frame, np.array([*lower[:2], height]), upper[:2])
-    return join(
-        [
-            _slab(samples, local, facing, front, raster, thickness, rectangle, air)
-            for thickness in THICKNESSES
-            for rectangle in _rectangles(raster, local[front], samples.weights[front], thickness)
-        ]
-    )
+    plane = float(np.average(own[:, 2], weights=weights))
+    spread = float(np.sqrt(np.average((own[:, 2] - plane) ** 2, weights=weights)))
+    lower, upper = own[:, :2].min(axis=0) - MARGIN, own[:, :2].max(axis=0) + MARGIN
+    step = max(LEAST_STEP, float((upper - lower).max()) / MOST_STEPS)
+    count = np.ceil((upper - lower) / step).astype(np.int64)
+    u, v = (lower[k] + step * (np.arange(count[k]) + 0.5) for k in range(2))
+    raster = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+    gap, nearest = cKDTree(own[:, :2]).query(raster)
+    surface, height = _surface(air, frame, raster, plane, max(OFF_PLANE, 2 * spread))
+    surface &= gap < max(_LONE, 2 * step)
+    return Patch(
+        members, frame, lower, step, plane,
+        _air_behind(air, frame, raster, plane).reshape(len(DEPTHS), *count),
+        surface.reshape(count), height.reshape(count), nearest.reshape(count),
+        _behind(samples, frame, lower, upper, plane),
+    )  # fmt: skip
 
 
 def _tightest_frame(points: Float64, normal: Float64) -> Float64:
@@ -104,53 +123,80 @@ def _tightest_frame(points: Float64, normal: Float64) -> Float64:
     return np.stack([u[best], v[best], normal], axis=1)
 
 
-def _rasterized(air: Air, frame: Float64, origin: Float64, upper: Float64) -> _Raster:
-    extent = upper - origin[:2]
-    step = max(1.0, float(extent.max()) / MOST_CELLS)
-    count = np.ceil(extent / step).astype(np.int64)
-    u, v = (origin[k] + step * (np.arange(count[k]) + 0.5) for k in range(2))
-    grid = np.stack(
-        np.meshgrid(-np.array(DEPTHS), u, v, indexing="ij"), axis=-1
-    )[..., [1, 2, 0]] + np.array([0.0, 0.0, origin[2]])  # fmt: skip
-    cells = np.floor(grid.reshape(-1, 3) @ frame.T).astype(np.int64)
-    flat = air.grid.flat(cells)
-    shape = (len(DEPTHS), *count)
-    is_air = (air.free.reshape(-1)[flat] | ~air.grid.holds(cells)).reshape(shape)
-    solid = (air.label.reshape(-1)[flat] == 0).reshape(shape)
-    return _Raster(frame, origin, step, is_air, solid[0].astype(np.float64))
+def _surface(air: Air, frame: Float64, raster: Float64, plane: float, off: float) -> tuple[Bool, Float64]:
+    """Where a ray from `off` above the plane meets surface along it within `off` below, and its height."""
+    start = np.column_stack([raster, np.full(len(raster), plane + off)]) @ frame.T
+    down = np.broadcast_to(-frame[:, 2], start.shape)
+    distance, triangle = air.rays.first_hit(air.origin + air.cell * start, down)
+    distance /= air.cell
+    met = (triangle >= 0) & (distance < 2 * off)
+    met[met] = np.abs(air.walls.normals[triangle[met]] @ frame[:, 2]) > FACING
+    return met, np.where(met, plane + off - np.where(met, distance, 0.0), plane)
+
+
+def _air_behind(air: Air, frame: Float64, raster: Float64, plane: float) -> Bool:
+    """Whether air is at each of the depths (k, r) behind the raster's cells."""
+    points = raster @ frame[:, :2].T + plane * frame[:, 2]
+    found = []
+    for depth in DEPTHS:
+        cells = np.floor(points - depth * frame[:, 2]).astype(np.int64)
+        found.append(air.free.reshape(-1)[air.grid.flat(cells)] | ~air.grid.holds(cells))
+    return np.stack(found)
+
+
+def _behind(samples: Samples, frame: Float64, lower: Float64, upper: Float64, plane: float) -> Float64:
+    """Samples in reach that face the other way, in the frame: the far sides of sheets and walls."""
+    away = np.flatnonzero(samples.normals @ frame[:, 2] < -FACING)
+    local = samples.points[away] @ frame
+    below = plane - local[:, 2]
+    kept = (
+        np.all((local[:, :2] > lower) & (local[:, :2] < upper), axis=1) & (below > -1) & (below < DEPTHS[-1])
+    )
+    return local[kept]
+
+
+# ----------------------------------------------------------------------------------------------- slabs
+
+
+def slabs(patch: Patch, need: Float64, air: Air) -> Shapes:
+    """Candidate boxes of a patch; need (p,): how far each sample is from having a shape, 0 to 1."""
+    found, seen = [], set[tuple[int, ...]]()
+    for thickness in THICKNESSES:
+        for rectangle in _rectangles(patch, need, thickness):
+            depth = _depth(patch, rectangle, thickness)
+            key = (*rectangle, round(10 * depth))
+            if key not in seen:
+                seen.add(key)
+                found.append(_slab(patch, rectangle, depth, air))
+    return join(found)
 
 
 Rectangle = tuple[int, int, int, int]
 
 
-def _rectangles(raster: _Raster, local: Float64, weights: Float64, thickness: int) -> list[Rectangle]:
+def _rectangles(patch: Patch, need: Float64, thickness: int) -> list[Rectangle]:
     """Rows and columns u0, u1, v0, v1 of the rectangles worth a slab, the best first."""
-    count = raster.surface.shape
-    at = np.clip(((local[:, :2] - raster.origin[:2]) / raster.step).astype(np.int64), 0, np.array(count) - 1)
-    sampled = np.zeros(count)
-    np.add.at(sampled, (at[:, 0], at[:, 1]), weights)
-    if not sampled.any():
-        return []
-    air = raster.air[: thickness + 1].mean(axis=0)
-    surface = raster.surface * (air < 1)
-    gain = 0.5 * sampled * max(surface.sum(), 1.0) / sampled.sum() + 0.5 * surface
-    cost = AIR_COST * air + UNSEEN_COST
+    gain = np.where(patch.surface, need[patch.members][patch.nearest], 0.0)
+    is_hole = patch.air[0] & ~patch.surface
+    behind = patch.air[1 : thickness + 1]
+    cost = AIR_COST * (is_hole + (behind.mean(axis=0) if len(behind) else 0.0)) + UNSEEN_COST
     found: list[Rectangle] = []
     first = 0.0
     for _ in range(MOST_RECTANGLES):
-        score, (u0, u1, v0, v1) = _best_rectangle(gain - cost)
+        score, rectangle = best_rectangle(gain - cost)
         first = first or score
         if score <= max(LEAST_SCORE * first, 0.0):
             break
-        found.append((u0, u1, v0, v1))
+        found.append(rectangle)
+        u0, u1, v0, v1 = rectangle
         gain[u0:u1, v0:v1] = 0.0
     return found
 
 
-def _best_rectangle(values: Float64) -> tuple[float, Rectangle]:
+def best_rectangle(values: Float64) -> tuple[float, Rectangle]:
     """The sub-rectangle of largest sum: all pairs of rows, and along the columns Kadane's scan for each."""
     if values.shape[0] > values.shape[1]:
-        score, (v0, v1, u0, u1) = _best_rectangle(values.T)
+        score, (v0, v1, u0, u1) = best_rectangle(values.T)
         return score, (u0, u1, v0, v1)
     rows = np.zeros((values.shape[0] + 1, values.shape[1]))
     np.cumsum(values, axis=0, out=rows[1:])
@@ -158,43 +204,37 @@ def _best_rectangle(values: Float64) -> tuple[float, Rectangle]:
     sums = np.zeros((len(top), values.shape[1] + 1))
     np.cumsum(rows[bottom] - rows[top], axis=1, out=sums[:, 1:])
     lowest = np.minimum.accumulate(sums[:, :-1], axis=1)
-    best = np.unravel_index(int(np.argmax(sums[:, 1:] - lowest)), lowest.shape)
-    pair, last = int(best[0]), int(best[1])
+    pair, last = divmod(int(np.argmax(sums[:, 1:] - lowest)), values.shape[1])
     first = int(np.argmin(sums[pair, : last + 1]))
     score = float(sums[pair, last + 1] - sums[pair, first])
     return score, (int(top[pair]), int(bottom[pair]), first, last + 1)
 
 
-def _slab(
-    samples: Samples,
-    local: Float64,
-    facing: Float64,
-    front: NDArray[np.int64],
-    raster: _Raster,
-    thickness: int,
-    rectangle: Rectangle,
-    air: Air,
-) -> Shapes:
-    """The box behind a rectangle: front face at the weighted median of its surface, back at the far side."""
+def _bounds(patch: Patch, rectangle: Rectangle) -> tuple[Float64, Float64]:
     u0, u1, v0, v1 = rectangle
-    low = raster.origin[:2] + raster.step * np.array([u0, v0])
-    high = raster.origin[:2] + raster.step * np.array([u1, v1])
-    inside = np.all((local[:, :2] >= low) & (local[:, :2] <= high), axis=1)
-    own = front[inside[front]]
-    top = _median(local[own, 2], samples.weights[own]) if len(own) else raster.origin[2]
-    depth = DEPTHS[thickness] if thickness else 0.5
-    behind = np.flatnonzero(inside & (facing < -FACING))
-    below = top - local[behind, 2]
-    behind = behind[(below > -0.25) & (below < depth + 1)]
-    if len(behind):
-        depth = max(top - _median(local[behind, 2], samples.weights[behind]), SHEET)
-    middle = np.array([*(low + high) / 2, top - depth / 2])
+    return patch.origin + patch.step * np.array([u0, v0]), patch.origin + patch.step * np.array([u1, v1])
+
+
+def _top(patch: Patch, rectangle: Rectangle) -> float:
+    """Height of the front face: the median of the surface in the rectangle."""
+    u0, u1, v0, v1 = rectangle
+    own = patch.height[u0:u1, v0:v1][patch.surface[u0:u1, v0:v1]]
+    return float(np.median(own)) if len(own) else patch.plane
+
+
+def _depth(patch: Patch, rectangle: Rectangle, thickness: int) -> float:
+    """Thickness in cells: to the far side where it is seen, else as far as asked for."""
+    low, high = _bounds(patch, rectangle)
+    depth = DEPTHS[thickness] if thickness else THIN
+    inside = np.all((patch.behind[:, :2] >= low) & (patch.behind[:, :2] <= high), axis=1)
+    below = _top(patch, rectangle) - patch.behind[inside, 2]
+    below = below[(below > -0.25) & (below < depth + 1)]
+    return max(float(np.median(below)), SHEET) if len(below) else depth
+
+
+def _slab(patch: Patch, rectangle: Rectangle, depth: float, air: Air) -> Shapes:
+    low, high = _bounds(patch, rectangle)
+    middle = np.array([*(low + high) / 2, _top(patch, rectangle) - depth / 2])
+    center = air.origin + air.cell * (patch.frame @ middle)
     halves = np.array([*(high - low) / 2, depth / 2])
-    center = air.origin + air.cell * (raster.frame @ middle)
-    return make_shapes(Kind.BOX, center[None], raster.frame, air.cell * halves)
-
-
-def _median(values: Float64, weights: Float64) -> float:
-    order = np.argsort(values, kind="stable")
-    cumulative = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(cumulative, 0.5 * cumulative[-1])])
+    return make_shapes(Kind.BOX, center[None], patch.frame, air.cell * halves)
