@@ -13,11 +13,11 @@ from typing import Annotated, Any, Literal
 import cyclopts
 from cyclopts import Parameter
 
-from pipelines import compare, convert, demo, describe, render
+from pipelines import bench_fit, compare, convert, demo, describe, render
 from pipelines.console import Terminal
 from pipelines.errors import UsageError
 from pipelines.machine import package_version
-from pipelines.options import parse_size
+from pipelines.options import parse_budgets, parse_size
 from pipelines.worker import describe_error
 
 OK, FAILED, BAD_USAGE, INTERRUPTED = 0, 1, 2, 130
@@ -30,6 +30,9 @@ app = cyclopts.App(
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
 )
+
+bench = cyclopts.App(name="bench", help="Measure what the program does, over budgets, and beside its peers.")
+app.command(bench)
 
 Numbers = Parameter(allow_leading_hyphen=True)
 """A value may start with a minus sign: --air -1,0,2."""
@@ -280,6 +283,64 @@ def compare_presets(
         scene, output, camera, lighting, exposure, scale, parse_size(size), frames, seed
     )
     return _compare(settings, terminal)
+
+
+@bench.command(name="fit")
+def bench_fits(
+    *files: Path,
+    output: Annotated[Path, Output],
+    budgets: str | None = None,
+    peers: Annotated[bool, Flag] = False,
+    peer_budgets: str | None = None,
+    air: Annotated[list[str] | None, Numbers, Parameter(negative="")] = None,
+    scale: float = 1.0,
+    seed: int = 0,
+    timeout: float = 300.0,
+    json: Annotated[bool, Flag] = False,
+) -> int:
+    """Measure error and seconds of the fit over budgets, by kind and by step of the method.
+
+    Writes OUTPUT/report.json, report.csv and report.html (one page, no network) after every run.
+
+    Parameters
+    ----------
+    files
+        .gltf or .glb files.
+    output
+        Folder for the results; it is made where it is missing.
+    budgets
+        Numbers of primitives with commas between them; 4,8,16,32,64,128,256,512 by default.
+    peers
+        Also run V-HACD and CoACD on the same samples (pip install 'sdfprim[peers]').
+    peer_budgets
+        Numbers of hulls; 64 by default.
+    air
+        A space that is air: outside, or a point x,y,z in it. May be given several times.
+    scale
+        Multiplies every length.
+    seed
+        Seed of all random choices.
+    timeout
+        Seconds after which a run is given up.
+    json
+        Print the report as JSON.
+    """
+    terminal = Terminal(json)
+    settings = bench_fit.BenchSettings(
+        files,
+        output,
+        parse_budgets("--budgets", budgets) if budgets else bench_fit.BUDGETS,
+        peers,
+        parse_budgets("--peer-budgets", peer_budgets) if peer_budgets else (bench_fit.DETAIL,),
+        tuple(air or ()),
+        scale,
+        seed,
+        timeout,
+    )
+    with terminal.progress() as update:
+        report = bench_fit.run(settings, update)
+    terminal.result(report, lambda: bench_fit.show(report, settings, terminal))
+    return FAILED if bench_fit.failed(report) else OK
 
 
 @app.command(name="demo")

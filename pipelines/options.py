@@ -70,6 +70,16 @@ def parse_color(option: str, text: str) -> tuple[float, float, float]:
     return r, g, b
 
 
+def parse_budgets(option: str, text: str) -> tuple[int, ...]:
+    """`64,4,16` as rising numbers of primitives, each once."""
+    words = text.split(",")
+    if not all(re.fullmatch(r"\s*\d{1,6}\s*", word) and int(word) > 0 for word in words):
+        raise UsageError(
+            f"{option} {text}: give whole numbers above zero with commas between them: 16,64,256"
+        )
+    return tuple(sorted({int(word) for word in words}))
+
+
 def looks_like_numbers(text: str) -> bool:
     """Whether an option's value is a list of numbers and not a name or a path."""
     return "," in text and re.fullmatch(r"[-+0-9.,eE\s]*|.*\b(nan|inf)\b.*", text) is not None

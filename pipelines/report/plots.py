@@ -31,6 +31,42 @@ def bars(series: Mapping[str, Sequence[float | None]], labels: Sequence[str], un
     return f'<svg viewBox="0 0 {WIDTH} {height}" role="img">{rule}{"".join(parts)}</svg>'
 
 
+def stacked_bars(series: Mapping[str, Sequence[float | None]], labels: Sequence[str], unit: str) -> str:
+    """One horizontal bar for each label, made of a piece for each series, and its whole length in figures."""
+    totals = [sum(values[row] or 0.0 for values in series.values()) for row in range(len(labels))]
+    scale = (WIDTH - LABELS - VALUES) / max([*totals, 1e-300])
+    legend, top = _stacked_legend(list(series))
+    parts = [legend]
+    for row, label in enumerate(labels):
+        y, x = top + row * (BAR + GROUP_GAP), float(LABELS)
+        parts.append(f'<text x="{LABELS - 12}" y="{y + BAR - 2}" text-anchor="end">{escape(label)}</text>')
+        for number, (name, values) in enumerate(series.items()):
+            width = (values[row] or 0.0) * scale
+            words = escape(f"{name}: {short_number(values[row])} {unit}")
+            parts.append(
+                f'<rect class="c{number}" x="{x:.1f}" y="{y}" width="{width:.1f}" height="{BAR}">'
+                f"<title>{words}</title></rect>"
+            )
+            x += width
+        total = escape(f"{short_number(totals[row])} {unit}")
+        parts.append(f'<text class="quiet" x="{x + 6:.1f}" y="{y + BAR - 2}">{total}</text>')
+    height = top + len(labels) * (BAR + GROUP_GAP)
+    return f'<svg viewBox="0 0 {WIDTH} {height}" role="img">{"".join(parts)}</svg>'
+
+
+def _stacked_legend(names: Sequence[str]) -> tuple[str, int]:
+    """The legend in as many lines as it needs, and where the bars may start."""
+    parts, x, y = [], 16.0, 12
+    for number, name in enumerate(names):
+        needed = 34 + 6.6 * len(name)
+        if x + needed > WIDTH:
+            x, y = 16.0, y + 20
+        parts.append(f'<rect class="c{number}" x="{x:.0f}" y="{y}" width="12" height="12" rx="2"/>')
+        parts.append(f'<text x="{x + 18:.0f}" y="{y + 10}">{escape(name)}</text>')
+        x += needed
+    return "".join(parts), y + 30
+
+
 def short_number(value: float | None) -> str:
     """Three digits, and no exponent where there is room for the number; a dash for None."""
     if value is None:
