@@ -164,10 +164,12 @@ def fit(
         probes = place_probes(surface, air, settings.seed)
         metrics = measure(primitives, surface, air, seed=settings.seed, probes=probes)
         errors = measure_each(primitives, probes)
-    notes = _notes(shapes, settings, targets)
+    outer = world_air(air, pose)
+    # Where every face is a wall, both are one: millions of triangles are not turned twice.
+    turned = outer.walls if air.walls is surface else world_surface(surface, pose)
     return Fit(
-        world_primitives(primitives, pose), world_surface(surface, pose), world_air(air, pose),
-        metrics, errors, skipped, stages.seconds, notes,
+        world_primitives(primitives, pose), turned, outer, metrics, errors, skipped, stages.seconds,
+        _notes(shapes, settings, targets) + outer.notes(),
     )  # fmt: skip
 
 
