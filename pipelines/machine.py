@@ -12,8 +12,8 @@ from typing import Any
 
 MEBIBYTE = 1 << 20
 
-LIBRARIES = ("numpy", "scipy", "nlopt", "manifold3d", "wgpu")
-"""Those whose version can change a result."""
+LIBRARIES = ("numpy", "scipy", "nlopt", "manifold3d", "trimesh", "wgpu", "coacd", "vhacdx")
+"""Those whose version can change a result; the last two are optional."""
 
 
 def package_version() -> str:
@@ -33,9 +33,7 @@ def describe_machine() -> dict[str, Any]:
         "cores": os.cpu_count(),
         "memory_mb": _total_memory_mb(),
         "python": platform.python_version(),
-        "libraries": {
-            name: _library_version(name) for name in ("numpy", "scipy", "nlopt", "manifold3d", "wgpu")
-        },
+        "libraries": {name: _library_version(name) for name in LIBRARIES},
         "adapters": _adapters(),
     }
 

@@ -81,8 +81,8 @@ def _cause_of_death(exit_code: int | None, stage: str) -> str:
         number = -exit_code
         name = signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
         hint = " (out of memory?)" if name == "SIGKILL" else ""
-        return f"the converter's process died of {name}{hint} in stage '{stage}'"
-    return f"the converter's process ended with exit code {exit_code} in stage '{stage}'"
+        return f"the worker process died of {name}{hint} in stage '{stage}'"
+    return f"the worker process ended with exit code {exit_code} in stage '{stage}'"
 
 
 def _end(process: Any) -> None:

@@ -82,7 +82,7 @@ def test_a_fault_is_told_with_its_place(jobs: Any) -> None:
 
 def test_a_crash_names_signal_and_stage(jobs: Any) -> None:
     outcome = run_isolated(jobs.crash, timeout=60)
-    assert outcome.error == "the converter's process died of SIGSEGV in stage 'fit'"
+    assert outcome.error == "the worker process died of SIGSEGV in stage 'fit'"
 
 
 def test_a_silent_exit_is_an_error(jobs: Any) -> None:
