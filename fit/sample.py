@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from fit.scene import Float64
@@ -31,19 +32,13 @@ class Samples:
 
 def sample_surface(surface: Surface, count: int, seed: int) -> Samples:
     """`count` points, uniform by area over the faces that stop light; none when there is no such face."""
-    rng = np.random.default_rng(seed)
-    cumulative = np.cumsum(np.where(surface.is_wall, surface.areas, 0.0))
-    if len(cumulative) == 0 or cumulative[-1] <= 0:
-        count = 0
-    u, v, w = rng.random((3, count))
-    if count:
-        last = np.flatnonzero(cumulative < cumulative[-1])
-        triangle = np.searchsorted(cumulative, u * cumulative[-1], side="right")
-        triangle = np.minimum(triangle, last[-1] + 1 if len(last) else 0)
-    else:
-        triangle = np.zeros(0, np.int64)
-    # Osada et al. 2002, equation 1: the square root makes the density uniform.
-    root = np.sqrt(v)
-    barycentric = np.stack([1 - root, root * (1 - w), root * w], axis=1)
+    areas = np.where(surface.is_wall, surface.areas, 0.0)
+    if count == 0 or not areas.sum() > 0:
+        return Samples(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros((0, 3)))
+    corners = np.arange(3 * len(surface)).reshape(-1, 3)
+    mesh = trimesh.Trimesh(surface.vertices.reshape(-1, 3), corners, process=False)
+    _, triangle, barycentric = trimesh.sample.sample_surface(
+        mesh, count, face_weight=areas, return_barycentric=True, seed=seed
+    )
     points = np.einsum("pc,pck->pk", barycentric, surface.vertices[triangle])
     return Samples(points, surface.normals[triangle], triangle, barycentric)
