@@ -19,7 +19,7 @@ from PIL import Image
 from fit import export
 from pipelines import compare
 from pipelines.difference import flip, relative_error
-from pipelines.report.page import METRICS
+from pipelines.report.elements import METRICS
 from pipelines.report.plots import bars
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -40,7 +40,7 @@ def test_report(compared: tuple[dict[str, Any], Path], wall: Path) -> None:
     assert set(report["sets"]) == {"coarse", "fine"}
     for preset, row in report["sets"].items():
         assert row["primitives"] == len(export.read(folder / f"{preset}.prims.npz"))
-        assert {key for key, *_ in METRICS} <= set(row["metrics"])
+        assert {metric.key for metric in METRICS} <= set(row["metrics"])
         assert "sdfddgi/update_probes" in row["passes_ms"]
     assert "sdfddgi/update_probes" not in report["without_gi"]["passes_ms"]
     assert 0 < report["differences"]["without-gi"]["flip"] < 1
