@@ -7,12 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fit.explain import explain
 from fit.objective import Targets, error, penalties, set_distances
 from fit.recognize import Piece, box_around, closed_forms, normal_frame, recognize
 from fit.refine import refine
+from fit.scene import Float64
 from fit.shapes import Shapes, distances_to_one, join, no_shapes
 from fit.spaces import Air
 from fit.split import Parts
+from fit.surface import Surface
 
 _INSIDE_STEPS = 14
 
@@ -29,12 +32,23 @@ _PROMISING = 0.5
 """Share of a part's error that a closed form must explain before nlopt is worth its time."""
 
 
+EXPLAINED = 0.99
+"""Share of the seen surface that exact primitives must lie on to be the set, with nothing left to grow."""
+
+LEAST_SEEN = 1e-4
+"""Of the seen surface: an exact primitive that shows less is inside others."""
+
+
 @dataclass(frozen=True)
 class PartFits:
-    """One candidate shape of each fitted part, and the part (n,) that each stands for."""
+    """Candidate shapes of the fitted parts, and the part (n,) that each stands for.
+
+    whole: the exact primitives that make up the scene, the most seen first; none when anything else does.
+    """
 
     shapes: Shapes
     part: NDArray[np.int64]
+    whole: Shapes
 
 
 def fit_parts(
@@ -42,24 +56,81 @@ def fit_parts(
 ) -> PartFits:
     """Candidates of the parts `wanted`, largest first; `triangle` (samples,): the wall of each sample."""
     walls = air.walls
+    exact, of_triangle = explain_walls(air)
     order = np.argsort(parts.of_triangle, kind="stable")
     limits = np.searchsorted(parts.of_triangle[order], np.arange(len(parts) + 1))
     part_of_target = np.full(len(targets), -1)
     on_surface = np.flatnonzero(targets.is_surface)
-    part_of_target[on_surface] = parts.of_triangle[triangle[targets.sample[on_surface]]]
+    seen_triangle = triangle[targets.sample[on_surface]]
+    part_of_target[on_surface] = parts.of_triangle[seen_triangle]
     shapes, owners = [], []
     for part in wanted[:MOST_PARTS]:
         rows = order[limits[part] : limits[part + 1]]
         piece = Piece(walls.vertices[rows], walls.normals[rows], walls.areas[rows])
-        found = recognize(piece)
-        if len(found) and air_inside(found, air) > MOST_AIR_INSIDE:
-            found = no_shapes()  # a room, or a hollow shell
-        if len(found) == 0:
-            own = np.flatnonzero(part_of_target == part)
-            found = _best_kind(piece, _part_targets(targets, own, piece), air)
+        own = np.unique(of_triangle[rows])
+        if own[0] >= 0:
+            found = exact.select(own)
+        else:
+            found = recognize(piece)
+            if len(found) and air_inside(found, air) > MOST_AIR_INSIDE:
+                found = no_shapes()  # a room, or a hollow shell
+            if len(found):
+                of_triangle[rows] = len(exact)
+                exact = join([exact, found])
+            else:
+                found = _best_kind(
+                    piece, _part_targets(targets, np.flatnonzero(part_of_target == part), piece), air
+                )
         shapes.append(found)
         owners += [int(part)] * len(found)
-    return PartFits(join(shapes), np.array(owners, np.int64))
+    share = np.bincount(of_triangle[seen_triangle] + 1, targets.weights[on_surface], len(exact) + 1)
+    return PartFits(join(shapes), np.array(owners, np.int64), _whole(exact, share.astype(np.float64)))
+
+
+def explain_walls(air: Air) -> tuple[Shapes, NDArray[np.int64]]:
+    """Exact primitives of the closed shells, and the one that each wall triangle lies on, else -1.
+
+    Instances that are open alone are one mesh together.
+    """
+    walls = air.walls
+    of_triangle = np.full(len(walls), -1)
+    order = np.argsort(walls.instance, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(walls.instance[order])) + 1)
+    shut = [_may_be_closed(walls, rows) for rows in groups]
+    together = [rows for rows, closed in zip(groups, shut, strict=True) if not closed]
+    groups = [rows for rows, closed in zip(groups, shut, strict=True) if closed]
+    if len(together) > 1 and _may_be_closed(walls, np.concatenate(together)):
+        groups.append(np.concatenate(together))
+    found: list[Shapes] = []
+    count = 0
+    for rows in groups:
+        explanation = explain(walls.vertices[rows])
+        number = explanation.of_triangle
+        kept = np.zeros(len(explanation.shapes) + 1, bool)
+        for i in range(len(explanation.shapes)):
+            shape = explanation.shapes.select(np.array([i]))
+            kept[i] = air_inside(shape, air) <= MOST_AIR_INSIDE
+        new = np.cumsum(kept) - 1 + count
+        of_triangle[rows] = np.where(kept[number], new[number], -1)
+        found.append(explanation.shapes.select(kept[:-1]))
+        count += int(kept.sum())
+    return join(found), of_triangle
+
+
+def _may_be_closed(walls: Surface, rows: NDArray[np.int64]) -> bool:
+    """The area vectors of a closed mesh sum to zero: most open ones are told by that alone."""
+    areas = walls.areas[rows]
+    return bool(np.abs(areas @ walls.normals[rows]).max() <= 1e-4 * areas.sum())
+
+
+def _whole(exact: Shapes, weight: Float64) -> Shapes:
+    """The exact shapes (n,) that show, if nothing else does; weight (1 + n,) of no shape and of each."""
+    total = max(float(weight.sum()), np.finfo(float).tiny)
+    share = weight[1:] / total
+    if weight[0] > (1 - EXPLAINED) * total:
+        return no_shapes()
+    falling = np.argsort(-share, kind="stable")
+    return exact.select(falling[share[falling] >= LEAST_SEEN])
 
 
 def _part_targets(targets: Targets, own: NDArray[np.int64], piece: Piece) -> Targets:

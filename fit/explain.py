@@ -1,0 +1,157 @@
+"""The boxes, cylinders and spheres of which a mesh is the union, whole or as separate shells that overlap.
+
+Each patch (`fit.facets`) shows a part of one primitive. What two patches show of the same one is joined when
+nothing of the mesh lies in between. What no facet shows, because it is inside another primitive, ends where
+the facets end: the smallest that explains all that is seen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fit.facets import Int64, find_facets, find_patches
+from fit.patches import Fragment, Patches, fit_patch, gather, join_facets
+from fit.scene import Float64
+from fit.shapes import Shapes, distances_to_one, join, no_shapes
+
+TOLERANCES = (5e-7, 1e-5, 1e-4)
+"""Of the diagonal, the finest first: vertices in float32, far from their origin, or quantised."""
+
+MOST_PATCHES = 400
+MOST_TRIANGLES = 200_000
+
+MOST_NOISY = 20_000
+"""Triangles of a mesh that is tried at coarser tolerances too."""
+
+MOST_UNEXPLAINED = 0.005
+"""Share of the area that may belong to no primitive of an explained shell."""
+
+_FAILURES = 8
+"""Of the largest patches that fit nothing: then the shell is no union of primitives."""
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Primitives of the closed shells among t triangles.
+
+    shapes: all of them, exact; of_triangle (t,): the shape that each triangle lies on, -1 where none does.
+    """
+
+    shapes: Shapes
+    of_triangle: Int64
+
+
+def explain(corners: Float64) -> Explanation:
+    """The primitives that triangles (t, 3, 3) show, in the frame of the triangles."""
+    lower, upper = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    center, scale = (lower + upper) / 2, float(np.linalg.norm(upper - lower))
+    nothing = Explanation(no_shapes(), np.full(len(corners), -1))
+    if not scale > 0 or len(corners) > MOST_TRIANGLES:
+        return nothing
+    best = nothing
+    for tolerance in TOLERANCES[: 1 if len(corners) > MOST_NOISY else None]:
+        found = _explain_unit((corners - center) / scale, tolerance)
+        if (found.of_triangle >= 0).mean() > (best.of_triangle >= 0).mean():
+            best = found
+        if (best.of_triangle >= 0).all():
+            break
+    shapes = best.shapes
+    return Explanation(
+        replace(shapes, centers=shapes.centers * scale + center, halves=shapes.halves * scale),
+        best.of_triangle,
+    )
+
+
+def _explain_unit(corners: Float64, tolerance: float) -> Explanation:
+    facets = find_facets(corners, tolerance)
+    of_triangle = np.full(len(corners), -1)
+    if len(facets) == 0:
+        return Explanation(no_shapes(), of_triangle)
+    patches = gather(facets, find_patches(facets))
+    fragments: list[Fragment] = []
+    shell_of_facet = np.zeros(len(facets), np.int64)
+    rows = np.flatnonzero(facets.of_triangle >= 0)
+    shell_of_facet[facets.of_triangle[rows]] = facets.shell[rows]
+    shell_of_patch = np.zeros(len(patches), np.int64)
+    shell_of_patch[patches.of_facet] = shell_of_facet
+    for shell in np.unique(shell_of_patch):
+        fragments += _explain_shell(patches, np.flatnonzero(shell_of_patch == shell))
+    owner = np.full(len(facets), -1)
+    for number, fragment in enumerate(fragments):
+        owner[fragment.facets] = number
+    of_triangle[rows] = owner[facets.of_triangle[rows]]
+    return Explanation(join([f.shape() for f in fragments]), of_triangle)
+
+
+def _explain_shell(patches: Patches, own: Int64) -> list[Fragment]:
+    """Fragments of the patches of one shell, joined; none unless they explain nearly all of it."""
+    areas = np.bincount(patches.of_facet, patches.facets.areas, len(patches))
+    own = own[np.argsort(-areas[own], kind="stable")]
+    if len(own) > MOST_PATCHES:
+        return []
+    fragments, loose = [], []
+    for patch in own:
+        found = fit_patch(patches, int(patch))
+        if found is not None:
+            fragments.append(found)
+            continue
+        loose.append(int(patch))
+        if len(loose) >= _FAILURES and not fragments:
+            return []
+    samples = _samples(patches, own)
+    fragments = _join_fragments(patches, fragments, samples)
+    fragments, loose = _absorb(patches, fragments, loose, samples)
+    if areas[loose].sum() > MOST_UNEXPLAINED * areas[own].sum():
+        return []
+    return fragments
+
+
+def _samples(patches: Patches, own: Int64) -> Float64:
+    """Points (p, 3) of a shell: what lies within a primitive makes it no part of the solid."""
+    facets = patches.facets
+    in_shell = np.zeros(len(patches), bool)
+    in_shell[own] = True
+    rows = np.flatnonzero(facets.of_triangle >= 0)
+    rows = rows[in_shell[patches.of_facet[facets.of_triangle[rows]]]]
+    corners = facets.points[facets.triangles[rows]]
+    middles = (corners + np.roll(corners, 1, axis=1)) / 2
+    return np.concatenate([corners.reshape(-1, 3), middles.reshape(-1, 3), corners.mean(axis=1)])
+
+
+def _is_empty(fragment: Fragment, samples: Float64, tolerance: float) -> bool:
+    """Whether no surface lies within a primitive, as deep as its tessellation may."""
+    depth = 20 * tolerance + (1 - fragment.inner) * fragment.radius
+    return bool(distances_to_one(fragment.shape(), 0, samples).min() >= -depth - 1e-4 * fragment.radius)
+
+
+def _join_fragments(patches: Patches, fragments: list[Fragment], samples: Float64) -> list[Fragment]:
+    """Fragments of the same primitive become one, the largest first."""
+    joined: list[Fragment] = []
+    for fragment in fragments:
+        for i, other in enumerate(joined):
+            both = join_facets(patches, other, fragment.facets)
+            if both is not None and _is_empty(both, samples, patches.facets.tolerance):
+                joined[i] = both
+                break
+        else:
+            joined.append(fragment)
+    return joined
+
+
+def _absorb(
+    patches: Patches, fragments: list[Fragment], loose: list[int], samples: Float64
+) -> tuple[list[Fragment], list[int]]:
+    """Patches that fit nothing by themselves join the fragments that they lie on."""
+    left = []
+    for patch in loose:
+        members = np.flatnonzero(patches.of_facet == patch)
+        for i, other in enumerate(fragments):
+            both = join_facets(patches, other, members)
+            if both is not None and _is_empty(both, samples, patches.facets.tolerance):
+                fragments[i] = both
+                break
+        else:
+            left.append(patch)
+    return fragments, left
