@@ -1,0 +1,120 @@
+"""What the processes of `bench fit` compute: the same points for every set, and sets of what is allowed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from fit.primitives import Kind
+from fit.recognize import Piece
+from fit.shapes import KINDS, to_primitives
+from fit.solve import STEPS
+from fit.surface import from_triangles
+from pipelines import bench_fit_jobs, bench_fit_peers
+from pipelines.bench_fit_jobs import Trial, fit_once, prepare, relative_error, run_peer
+
+
+def quiet(stage: str, fraction: float) -> None:
+    """A progress that nobody watches."""
+
+
+@pytest.fixture(scope="module")
+def store(wall: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The smallest scene, made ready."""
+    path = tmp_path_factory.mktemp("bench") / "wall.pickle"
+    facts = prepare(wall, 1.0, (), 0, path, quiet)
+    assert facts["triangles"] == 24
+    assert facts["cpu_seconds"] > 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole(store: Path) -> dict[str, Any]:
+    """The wall's set with nothing left out."""
+    return fit_once(store, Trial(8, KINDS, STEPS), 0, quiet)
+
+
+def test_a_trial_is_judged_and_timed(whole: dict[str, Any]) -> None:
+    assert 0 < whole["primitives"] <= 8
+    assert whole["primitives"] == sum(whole["kinds"].values())
+    assert whole["error"] < 0.02
+    assert whole["metrics"]["leaks"] < 0.01
+    assert sum(kind["surface_share"] for kind in whole["by_kind"].values()) == pytest.approx(1)
+    assert whole["cpu_seconds"] >= sum(whole["stages"].values()) > 0
+
+
+def test_what_is_left_out_is_not_in_the_set(store: Path, whole: dict[str, Any]) -> None:
+    used = max(KINDS, key=lambda kind: whole["kinds"][kind])
+    others = tuple(kind for kind in KINDS if kind != used)
+    assert fit_once(store, Trial(1, others, STEPS), 0, quiet)["kinds"][used] == 0
+
+
+def test_no_set_has_all_the_error_there_is(store: Path) -> None:
+    prepared = bench_fit_jobs._read(store)
+    nothing = to_primitives(bench_fit_peers.join([]))
+    assert relative_error(nothing, prepared.targets) == 1
+    assert prepared.air.rays.first_hit(np.array([[0.0, 50, 0]]), np.array([[0.0, -1, 0]]))[1][0] >= 0
+
+
+def test_a_peer_is_judged_at_the_same_points(
+    store: Path, whole: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def one_hull(peer: str, walls: Any, count: int, seed: int) -> list[Piece]:
+        return [hull_of(trimesh.convex.convex_hull(walls.vertices.reshape(-1, 3)))]
+
+    monkeypatch.setattr(bench_fit_jobs, "hulls", one_hull)
+    rows = run_peer(store, "vhacd", 1, 0, quiet)
+    assert set(rows) == {"boxes", "best primitives"}
+    assert rows["boxes"]["primitives"] == 1
+    assert rows["boxes"]["metrics"]["diag_m"] == whole["metrics"]["diag_m"]
+    assert rows["boxes"]["error"] >= whole["error"]
+
+
+def hull_of(mesh: Any) -> Piece:
+    surface = from_triangles(np.asarray(mesh.triangles))
+    return Piece(surface.vertices, surface.normals, surface.areas)
+
+
+TURN = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3], [0, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("mesh", "kind", "halves"),
+    [
+        (trimesh.creation.box((1, 2, 3), TURN), Kind.BOX, (0.5, 1, 1.5)),
+        (trimesh.creation.icosphere(subdivisions=3, radius=2), Kind.SPHERE, (2, 2, 2)),
+        (trimesh.creation.cylinder(1, 4, transform=TURN), Kind.CYLINDER, (1, 1, 2)),
+    ],
+)
+def test_a_hull_becomes_the_primitive_that_it_is(mesh: Any, kind: Kind, halves: tuple[float, ...]) -> None:
+    found = bench_fit_peers.best_primitive(hull_of(mesh))
+    assert Kind(found.kinds[0]) is kind
+    assert np.sort(found.halves[0]) == pytest.approx(halves, rel=0.01)
+    box = bench_fit_peers.smallest_box(hull_of(mesh))
+    assert Kind(box.kinds[0]) is Kind.BOX
+
+
+@pytest.mark.parametrize("peer", sorted(bench_fit_peers.PACKAGES))
+def test_a_peer_cuts_two_boxes_apart(peer: bench_fit_peers.Peer) -> None:
+    pytest.importorskip(bench_fit_peers.PACKAGES[peer], reason="pip install 'sdfprim[peers]'")
+    boxes = [trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 1)).apply_translation([3, 0, 0])]
+    walls = from_triangles(np.concatenate([np.asarray(box.triangles) for box in boxes]))
+    pieces = bench_fit_peers.hulls(peer, walls, 2, 0)
+    shapes = bench_fit_peers.to_shapes(pieces, "boxes")
+    assert np.sort(shapes.centers[:, 0]) == pytest.approx([0, 3], abs=0.05)
+    assert shapes.volumes() == pytest.approx(1, rel=0.1)
+
+
+@pytest.mark.slow
+def test_the_whole_command_on_a_scene(sdfprim: Any, wall: Path, tmp_path: Path) -> None:
+    ran = sdfprim("bench", "fit", wall, "-o", tmp_path, "--budgets", "2,8", "--json")
+    assert ran.code == 0, ran.err
+    runs = ran.report["scenes"][0]["runs"]
+    assert all(run["status"] == "ok" for run in runs)
+    small, large = (run for run in runs if run["series"] == "budget")
+    assert large["error"] < small["error"]
+    assert ran.report["scenes"][0]["summary"]["monotony"]["holds"]
