@@ -11,15 +11,14 @@ between two rungs is the upper one's, less the shapes that it needs least.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fit.choose import choose, offer, prune, without_least
-from fit.grow import Lattice, grow_boxes
-from fit.objective import Targets, error, penalties, set_distances
+from fit.objective import Targets, error, set_distances
 from fit.refine import refine
 from fit.scene import Float64
 from fit.shapes import KINDS, Shapes, are_of, join, no_shapes
@@ -27,19 +26,13 @@ from fit.shapes import KINDS, Shapes, are_of, join, no_shapes
 RUNGS = (4, 6, 8, 12, 16, 20, 24, 32, 40, 48, 64, 80, 96, 128, 160, 192, 256, 320, 384, 448, 512)
 """Sizes at which rounds of growth end, whatever the budget."""
 
-SEEDS = 400
-"""Points, drawn by the error there, that boxes are grown from in a round."""
-
 MOVED_SHARE = 1 / 10
 """Of the shapes: the least useful, which may move to where the error is largest at the end of a round."""
 
 EVALUATIONS = 60
 """Of the error, in one pass of the refinement."""
 
-STEP_CELLS = 1.5
-"""Farthest that a face may move in one pass."""
-
-STEPS = ("parts", "growing", "refinement", "teleportation")
+STEPS = ("parts", "growing", "regions", "refinement", "teleportation")
 """The optional steps in the order in which they join; `bench fit` leaves some out to see what each brings."""
 
 
@@ -62,14 +55,19 @@ class Pool:
     bonus: Float64
 
 
+Proposer = Callable[[Float64, np.random.Generator], Shapes]
+"""Candidates for a set at the given distances (p,) from the targets."""
+
+
 def build(
     targets: Targets,
-    lattices: list[Lattice],
     pool: Pool,
+    proposers: Mapping[str, Proposer],
     fixed: Shapes,
     *,
     limit: int,
     least_gain: float,
+    max_step: float,
     scope: Scope = EVERYTHING,
     good_enough: Callable[[Shapes], bool] | None = None,
     seed: int = 0,
@@ -77,10 +75,14 @@ def build(
 ) -> Shapes:
     """At most `limit` shapes, the `fixed` ones first and unchanged.
 
-    least_gain: share of the empty set's error that one more shape must take off; good_enough: an end before.
+    proposers: asked in every round, by the names of the steps that they are; least_gain: share of the empty
+    set's error that one more shape must take off; max_step: farthest that a face may move in one refinement;
+    good_enough: an end before.
     """
     least = least_gain * max(error(no_shapes(), targets), np.finfo(float).tiny)
-    growth = _Growth(targets, lattices, pool, scope, len(fixed), least, np.random.default_rng(seed))
+    growth = _Growth(
+        targets, pool, proposers, scope, len(fixed), least, max_step, np.random.default_rng(seed)
+    )
     lower, upper = no_shapes(), fixed
     for rung in (r for r in RUNGS if r > len(fixed)):
         lower, upper = upper, growth.climb(upper, rung)
@@ -96,11 +98,12 @@ class _Growth:
     """What the steps share."""
 
     targets: Targets
-    lattices: list[Lattice]
     pool: Pool
+    proposers: Mapping[str, Proposer]
     scope: Scope
     kept: int
     least: float
+    max_step: float
     rng: np.random.Generator
 
     def climb(self, shapes: Shapes, size: int) -> Shapes:
@@ -130,11 +133,11 @@ class _Growth:
 
     def _candidates(self, distances: Float64) -> tuple[Shapes, Float64]:
         standing = self.pool.shapes if "parts" in self.scope.steps else no_shapes()
-        grown = no_shapes()
-        if "growing" in self.scope.steps:
-            grown = propose(self.targets, self.lattices, distances, self.rng)
-        candidates = join([standing, grown])
-        bonus = np.concatenate([self.pool.bonus[: len(standing)], np.ones(len(grown))])
+        active = [proposer for step, proposer in self.proposers.items() if step in self.scope.steps]
+        proposed = [proposer(distances, self.rng) for proposer in active]
+        candidates = join([standing, *proposed])
+        bonus = np.ones(len(candidates))
+        bonus[: len(standing)] = self.pool.bonus[: len(standing)]
         allowed = are_of(candidates, self.scope.kinds)
         return candidates.select(allowed), bonus[allowed]
 
@@ -142,8 +145,7 @@ class _Growth:
         if "refinement" not in self.scope.steps:
             return shapes
         free = free & ~shapes.exact & (np.arange(len(shapes)) >= self.kept)
-        step = STEP_CELLS * self.lattices[0].cell
-        refined = refine(shapes, self.targets, max_step=step, evaluations=EVALUATIONS, free=free)
+        refined = refine(shapes, self.targets, max_step=self.max_step, evaluations=EVALUATIONS, free=free)
         return refined if are_of(refined, self.scope.kinds)[self.kept :].all() else shapes
 
     def _better(self, one: Shapes, other: Shapes) -> Shapes:
@@ -151,23 +153,3 @@ class _Growth:
 
     def _error(self, shapes: Shapes) -> float:
         return error(shapes, self.targets)
-
-
-def propose(
-    targets: Targets, lattices: list[Lattice], distances: Float64, rng: np.random.Generator
-) -> Shapes:
-    """Boxes grown from surface points drawn in proportion to their error at the set's `distances` (p,)."""
-    seeds = _worst(targets, distances, rng)
-    share = np.array_split(rng.permutation(seeds), max(len(lattices), 1)) if len(lattices) > 1 else [seeds]
-    return join(
-        [grow_boxes(lattice, targets, np.sort(own)) for lattice, own in zip(lattices, share, strict=True)]
-    )
-
-
-def _worst(targets: Targets, distances: Float64, rng: np.random.Generator) -> NDArray[np.int64]:
-    chance = np.where(targets.is_surface | targets.is_ray, penalties(targets, distances), 0.0)
-    total = float(chance.sum())
-    if not total > 0:
-        return np.zeros(0, np.int64)
-    count = min(SEEDS, int(np.count_nonzero(chance)))
-    return np.sort(rng.choice(len(chance), size=count, replace=False, p=chance / total)).astype(np.int64)

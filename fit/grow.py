@@ -13,13 +13,16 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.objective import Targets
+from fit.objective import Targets, penalties
 from fit.primitives import Kind
 from fit.scene import Float64
 from fit.shapes import Shapes, join, make_shapes
 from fit.spaces import Air
 
 Int64 = NDArray[np.int64]
+
+SEEDS = 400
+"""Points, drawn by the error there, that boxes are grown from at a time."""
 
 TOLERATED_AIR = (0.0, 0.01, 0.03)
 """Shares of air that a layer may hold: 0 for clean walls; more bridges mouldings, foliage and arches."""
@@ -86,6 +89,26 @@ def _inside(total: Float64, lower: Int64, upper: Int64) -> Float64:
         total[x1, y1, z1] - total[x0, y1, z1] - total[x1, y0, z1] - total[x1, y1, z0]
         + total[x0, y0, z1] + total[x0, y1, z0] + total[x1, y0, z0] - total[x0, y0, z0]
     )  # fmt: skip
+
+
+def propose_boxes(
+    lattices: list[Lattice], targets: Targets, distances: Float64, rng: np.random.Generator
+) -> Shapes:
+    """Boxes grown from points drawn in proportion to their error in a set at `distances` (p,)."""
+    seeds = _worst(targets, distances, rng)
+    shares = np.array_split(rng.permutation(seeds), len(lattices)) if len(lattices) > 1 else [seeds]
+    return join(
+        [grow_boxes(lattice, targets, np.sort(own)) for lattice, own in zip(lattices, shares, strict=True)]
+    )
+
+
+def _worst(targets: Targets, distances: Float64, rng: np.random.Generator) -> Int64:
+    chance = np.where(targets.is_surface | targets.is_ray, penalties(targets, distances), 0.0)
+    total = float(chance.sum())
+    if not total > 0:
+        return np.zeros(0, np.int64)
+    count = min(SEEDS, int(np.count_nonzero(chance)))
+    return np.sort(rng.choice(len(chance), size=count, replace=False, p=chance / total)).astype(np.int64)
 
 
 def grow_boxes(lattice: Lattice, targets: Targets, seeds: Int64, *, keep_per_seed: int = 2) -> Shapes:

@@ -20,8 +20,9 @@ Of points inside a solid (D < 0) only what is farther out counts: a union's dist
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +72,7 @@ class Targets:
 
     @cached_property
     def is_ray(self) -> NDArray[np.bool_]:
-        return self.ways.any(axis=1)
+        return np.asarray(self.ways.any(axis=1))
 
     @cached_property
     def one_sided(self) -> NDArray[np.bool_]:
@@ -95,22 +96,15 @@ class Targets:
         return np.minimum.reduceat(lower, starts), np.maximum.reduceat(upper, starts)
 
     def select(self, index: NDArray[np.generic] | slice) -> Targets:
-        return Targets(
-            **{f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in _SCALARS},
-            **{name: getattr(self, name) for name in _SCALARS},
-        )
+        rows = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in _SCALARS}
+        return replace(self, **rows)
 
 
 def join_targets(several: Sequence[Targets]) -> Targets:
     """All rows of targets that agree about reach, soft and leak."""
-    return Targets(
-        **{
-            f.name: np.concatenate([getattr(t, f.name) for t in several])
-            for f in fields(Targets)
-            if f.name not in _SCALARS
-        },
-        **{name: getattr(several[0], name) for name in _SCALARS},
-    )
+    names = [f.name for f in fields(Targets) if f.name not in _SCALARS]
+    rows: dict[str, Any] = {k: np.concatenate([getattr(t, k) for t in several]) for k in names}
+    return replace(several[0], **rows)
 
 
 def penalties(targets: Targets, distances: Float64, rows: Rows = slice(None)) -> Float64:

@@ -112,7 +112,7 @@ def _pairs_that_matter(moving: Shapes, others: Shapes, targets: Targets, max_ste
     place, shape = np.nonzero((table <= limit).T)
     owner = owners[place]
     starts = np.flatnonzero(np.diff(owner, prepend=-1))
-    run = np.cumsum(np.diff(owner, prepend=owner[:1]) > 0) if len(owner) else owner
+    run = np.searchsorted(starts, np.arange(len(owner)), side="right") - 1
     members = owner[starts]
     return _Pairs(places[place], shape, starts, run, targets.select(members), fixed[members])
 
@@ -152,7 +152,9 @@ def _slopes(moving: Shapes, trial: Shapes, pairs: _Pairs, distances: Float64, ne
     carriers = np.flatnonzero((distances <= nearest[pairs.run]) & (slope != 0))
     shape = pairs.shape[carriers]
     derivatives = pair_derivatives(trial, pairs.place[carriers], shape) * slope[carriers]
-    total = np.stack([np.bincount(shape, weights=row, minlength=len(moving)) for row in derivatives], axis=1)
+    total = np.empty((len(moving), PARAMETERS))
+    for k, row in enumerate(derivatives):
+        total[:, k] = np.bincount(shape, weights=row, minlength=len(moving))
     total[:, 3:6] = _in_start_frames(moving, trial, total[:, 3:6])
     return total
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fit.air import LostSeed, find_air, parse_seed
-from fit.build import STEPS, Pool, Scope, build
+from fit.build import STEPS, Pool, Proposer, Scope, build
 from fit.canonical import (
     Pose,
     TurnedAir,
@@ -24,18 +24,19 @@ from fit.canonical import (
 )
 from fit.color import color
 from fit.fit_parts import PartFits, fit_parts
-from fit.grow import make_lattice
+from fit.grow import make_lattice, propose_boxes
 from fit.keep import emissive_parts, skip_small_parts
 from fit.measure import Metrics, PrimitiveError, measure, measure_each, place_probes
 from fit.objective import Targets, set_distances
 from fit.orient import find_frames
 from fit.primitives import PrimitiveSet
+from fit.regions import find_regions, propose_slabs
 from fit.scene import Scene
 from fit.shapes import KINDS, Shapes, to_primitives
 from fit.spaces import Air
 from fit.split import split
 from fit.surface import Surface
-from fit.targets import make_targets, see_surface
+from fit.targets import Seen, make_targets, see_surface
 
 BYTES_PER_PRIMITIVE = 64
 SURFACE_SAMPLES, AIR_SAMPLES = 12_000, 16_000
@@ -145,15 +146,12 @@ def fit(
         targets = make_targets(seen, air, weights, AIR_SAMPLES, settings.seed)
     with stages("parts"):
         parts_fits = fit_parts(air, parts, wanted, targets, seen.samples.triangle)
-        fixed = emissive_parts(scene, air, parts, seen, parts_fits, settings.limit() // 4)
+        fixed = emissive_parts(scene, air, parts, seen, parts_fits, MOST_LAMPS)
     with stages("build"):
-        lattices = [
-            make_lattice(air, frame, air.cell, *air.walls.bounds)
-            for frame in find_frames(seen.normals, seen.weights)
-        ]
         shapes = build(
-            targets, lattices, _pool(parts_fits), fixed,
-            limit=settings.limit(), least_gain=settings.least_gain(), seed=settings.seed,
+            targets, _pool(parts_fits), _proposers(air, seen, targets, settings), fixed,
+            limit=settings.limit(), least_gain=settings.least_gain(), max_step=STEP_CELLS * air.cell,
+            seed=settings.seed,
             scope=Scope(settings.kinds, settings.steps),
             good_enough=_within(targets, settings.max_error), progress=stages.fraction,
         )  # fmt: skip
@@ -185,8 +183,25 @@ def _canonical_air(air: Air | None, pose: Pose, scene: Scene, surface: Surface, 
         raise LostSeed(seed, nearest, lost.room) from None
 
 
+MOST_LAMPS = 16
+"""Parts that emit light and keep a primitive of their own, the strongest first."""
+
+STEP_CELLS = 1.5
+"""Farthest that a face may move in one pass of the refinement."""
+
 PART_BONUS, EXACT_BONUS = 1.1, 1.5
 """Factors on the gain of candidates that stand for a whole part, and of those that are it exactly."""
+
+
+def _proposers(air: Air, seen: Seen, targets: Targets, settings: FitSettings) -> dict[str, Proposer]:
+    """What is asked for candidates in every round, by the names of the steps."""
+    frames = find_frames(seen.normals, seen.weights)
+    lattices = [make_lattice(air, frame, air.cell, *air.walls.bounds) for frame in frames]
+    regions = find_regions(air, targets, seed=settings.seed) if "regions" in settings.steps else None
+    return {
+        "growing": lambda distances, rng: propose_boxes(lattices, targets, distances, rng),
+        "regions": lambda distances, rng: propose_slabs(regions, targets, distances),
+    }
 
 
 def _pool(parts: PartFits) -> Pool:
