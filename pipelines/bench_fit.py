@@ -52,11 +52,15 @@ EMPTY_RUN: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class BenchSettings:
-    """What `bench fit` was asked for; `timeout`: seconds that one run may take; `air` as for `convert`."""
+    """What `bench fit` was asked for.
+
+    details: leave out kinds and steps as well; timeout: seconds that one run may take; air: as for `convert`.
+    """
 
     files: tuple[Path, ...]
     output: Path
     budgets: tuple[int, ...] = BUDGETS
+    details: bool = True
     peers: bool = False
     peer_budgets: tuple[int, ...] = (DETAIL,)
     air: tuple[str, ...] = ()
@@ -200,15 +204,24 @@ def plan(settings: BenchSettings, scene: str) -> Iterator[Run]:
 
     for budget in settings.budgets:
         yield _fit_run(scene, "budget", str(budget), Trial(budget, KINDS, STEPS), settings.seed)
-    detail = settings.detail
-    for last in range(1, len(STEPS)):
-        label = STEPS[0] if last == 1 else f"+ {STEPS[last - 1]}"
-        yield _fit_run(scene, "step", label, Trial(detail, KINDS, STEPS[:last]), settings.seed)
-    for kind in KINDS:
-        others = tuple(other for other in KINDS if other != kind)
-        yield _fit_run(scene, "kind", f"without {kind}", Trial(detail, others, STEPS), settings.seed)
+    if settings.details:
+        yield from _detail_runs(settings, scene)
     if settings.peers:
         yield from _peer_runs(settings, scene)
+
+
+def _detail_runs(settings: BenchSettings, scene: str) -> Iterator[Run]:
+    from fit.shapes import KINDS
+    from fit.solve import STEPS
+    from pipelines.bench_fit_jobs import Trial
+
+    budget = settings.detail
+    for last in range(1, len(STEPS)):
+        label = STEPS[0] if last == 1 else f"+ {STEPS[last - 1]}"
+        yield _fit_run(scene, "step", label, Trial(budget, KINDS, STEPS[:last]), settings.seed)
+    for kind in KINDS:
+        others = tuple(other for other in KINDS if other != kind)
+        yield _fit_run(scene, "kind", f"without {kind}", Trial(budget, others, STEPS), settings.seed)
 
 
 def _fit_run(scene: str, series: str, label: str, trial: Trial, seed: int) -> Run:

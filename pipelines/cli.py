@@ -290,6 +290,7 @@ def bench_fits(
     *files: Path,
     output: Annotated[Path, Output],
     budgets: str | None = None,
+    details: bool = True,
     peers: Annotated[bool, Flag] = False,
     peer_budgets: str | None = None,
     air: Annotated[list[str] | None, Numbers, Parameter(negative="")] = None,
@@ -310,6 +311,8 @@ def bench_fits(
         Folder for the results; it is made where it is missing.
     budgets
         Numbers of primitives with commas between them; 4,8,16,32,64,128,256,512 by default.
+    details
+        Fit again with kinds and steps of the method left out, at 64 primitives.
     peers
         Also run V-HACD and CoACD on the same samples (pip install 'sdfprim[peers]').
     peer_budgets
@@ -330,6 +333,7 @@ def bench_fits(
         files,
         output,
         parse_budgets("--budgets", budgets) if budgets else bench_fit.BUDGETS,
+        details,
         peers,
         parse_budgets("--peer-budgets", peer_budgets) if peer_budgets else (bench_fit.DETAIL,),
         tuple(air or ()),

@@ -92,6 +92,11 @@ def test_every_budget_kind_and_step_is_a_run(bench: Callable[..., Any], tmp_path
     assert all(run["total_cpu_seconds"] == run["cpu_seconds"] + SCENE["cpu_seconds"] for run in runs)
 
 
+def test_without_details_there_are_budgets_alone(bench: Callable[..., Any], tmp_path: Path) -> None:
+    bench("--budgets", "4,32", "--no-details")
+    assert [run["series"] for run in read(tmp_path)["scenes"][0]["runs"]] == ["budget", "budget"]
+
+
 def test_the_csv_has_the_same_runs(bench: Callable[..., Any], tmp_path: Path) -> None:
     bench("--budgets", "4,32")
     runs = read(tmp_path)["scenes"][0]["runs"]
