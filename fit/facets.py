@@ -26,6 +26,9 @@ _SLIVER = 100
 _NARROW = 0.005
 """Radians: a facet whose normal may be off by more has no direction of its own."""
 
+_SHORT = 20
+"""Times the tolerance: edges of less length link no facets."""
+
 _MOST_OPEN = 2_000
 """Edges without a partner that are searched for vertices on them; a mesh with more is open."""
 
@@ -296,6 +299,13 @@ def _assemble(
 
 
 def find_patches(facets: Facets) -> Int64:
-    """Patch of each facet (f,): facets that hang together by edges which are clearly convex."""
-    linked = facets.angles > facets.slack()[facets.pair].sum(axis=1)
+    """Patch of each facet (f,): facets that hang together by edges which are clearly convex.
+
+    Rounding turns edges of its own length any way, and facets without a direction of their own.
+    """
+    slack = facets.slack()[facets.pair]
+    ends = facets.points[facets.edge_vertices]
+    certain = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > _SHORT * facets.tolerance
+    certain &= slack.max(axis=1, initial=0.0) <= _NARROW
+    linked = certain & (facets.angles > slack.sum(axis=1))
     return _components(len(facets), facets.pair[linked, 0], facets.pair[linked, 1])

@@ -18,6 +18,9 @@ from fit.shapes import Shapes, make_shapes, right_handed
 WIDEST_TURN = np.radians(46)
 """Between neighbouring side facets: cylinders and spheres of 8 segments and more are round."""
 
+WIDEST_ON_SPHERE = np.radians(65)
+"""Between its facets: bands of latitude are often wider than segments (4 bands: 60 degrees; an octahedron's 71)."""
+
 FLATTEST_SPHERE = 0.78
 """Of the radius: nearest facet of a sphere (8 segments: 0.816; a box's faces are at 0.58 or nearer)."""
 
@@ -29,6 +32,9 @@ _STRAY = 2e-3
 
 _MOST_CUT, _LEAST_CUT, _TRIALS = 60, 6, 100
 """Facets at most, points at least and draws of four points, for a sphere by the vertices it would have."""
+
+_UPRIGHT = 0.01
+"""Radians: faces of a box that are off their right angle by more are no second direction."""
 
 _ROUNDS = 6
 """Gauss-Newton steps; two suffice from the linear start."""
@@ -150,9 +156,8 @@ def fit_box(patches: Patches, members: Int64) -> Fragment | None:
     """Facets along two or three directions at right angles, each on the outermost plane of its direction."""
     facets = patches.facets
     normals, areas = facets.normals[members], facets.areas[members]
-    slack = facets.slack()[members]
     first = normals[np.argmax(areas)]
-    across = np.abs(normals @ first) <= 2 * slack
+    across = np.abs(normals @ first) <= np.minimum(2 * facets.slack()[members], _UPRIGHT)
     if not across.any():
         return None
     second = normals[across][np.argmax(areas[across])]
@@ -334,7 +339,7 @@ def fit_sphere(patches: Patches, members: Int64, edges: Int64, whole: Float64) -
     """The sphere through the vertices (w, 3) that no intersection has cut, else through those that it has."""
     facets = patches.facets
     turn = facets.angles[edges]
-    if len(edges) < 3 or turn.max() > 1.2 * WIDEST_TURN:
+    if len(edges) < 3 or turn.max() > WIDEST_ON_SPHERE:
         return None
     ball = _sphere_through(whole, facets.tolerance)
     fitted = sphere_on(patches, members, ball) if ball else None
