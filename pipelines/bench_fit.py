@@ -290,7 +290,7 @@ SHOWN: dict[str, Callable[[dict[str, Any]], Any]] = {
 
 def show(report: dict[str, Any], settings: BenchSettings, terminal: Terminal) -> None:
     """Prints a table and the advice for each scene, then what failed and where the report lies."""
-    from pipelines.report.fit_page import advice_in_words
+    from pipelines.report.fit_advice import advice_in_words
 
     for scene in report["scenes"]:
         rows = [[column(run) for column in SHOWN.values()] for run in scene["runs"]]

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
-from typing import Any
 
-from pipelines.bench_fit_summary import ENOUGH_FOR_LIGHT, NEAR_BEST, value_of
+from pipelines.bench_fit_summary import value_of
 from pipelines.report.curves import Point, curves
 from pipelines.report.elements import (
-    METRICS,
-    Metric,
     facts,
     machine_fact,
     page,
@@ -19,13 +16,16 @@ from pipelines.report.elements import (
     table,
     version_fact,
 )
+from pipelines.report.fit_advice import (
+    BY_KEY,
+    HEADERS,
+    IN_SHORT,
+    Report,
+    advice_lines,
+    budget_runs,
+    in_short,
+)
 from pipelines.report.plots import short_number, stacked_bars
-
-Report = Mapping[str, Any]
-
-ERROR = Metric("error", "error E", "%", "of the empty set's, at fresh points")
-
-BY_KEY = {metric.key: metric for metric in (ERROR, *METRICS)}
 
 OVER_PRIMITIVES = (
     "error",
@@ -48,26 +48,11 @@ IN_TABLES = (
     "iou",
 )
 
-HEADERS = {
-    "error": "error E",
-    "air_distance_error_pct": "air error",
-    "surface_to_set_mean_m": "surface",
-    "leaks": "leaks",
-    "blocked": "blocked",
-    "false_solid": "false solid",
-    "iou": "IoU",
-}
-
-IN_SHORT = ("leaks", "blocked", "air_distance_error_pct", "false_solid")
-"""What the advice speaks of."""
-
 
 def build_page(report: Report) -> str:
     """The whole page; `report` holds JSON values only."""
     names = ", ".join(scene["name"] for scene in report["scenes"])
-    sections = [_header(report), *(_advice(scene) for scene in report["scenes"])]
-    sections += [_scene(scene, report["settings"]["seed"]) for scene in report["scenes"]]
-    sections.append(_definitions())
+    sections = [_header(report), _overview(report), *map(_scene, report["scenes"]), _definitions()]
     return page(f"Fit: {names}", sections)
 
 
@@ -85,7 +70,27 @@ def _header(report: Report) -> str:
     return f"<h1>How many primitives, how well, how fast</h1>{shown}"
 
 
-# ------------------------------------------------------------------------------------------------ advice
+def _overview(report: Report) -> str:
+    """Which budget to take for each scene, in a line each; one scene's advice stands at its own head."""
+    if len(report["scenes"]) < 2:
+        return ""
+    rows = []
+    for scene in report["scenes"]:
+        advice = scene["summary"]["advice"]
+        if advice is None:
+            rows.append([scene["name"], scene["failure"] or "no fit succeeded", *"-" * (3 + len(IN_SHORT))])
+            continue
+        run = next(run for run in budget_runs(scene) if run["budget"] == advice["budget"])
+        remark = (
+            ""
+            if advice["enough"]
+            else "not enough for light: " + ", ".join(map(HEADERS.__getitem__, advice["missed"]))
+        )
+        figures = [quantity(value_of(run, key), BY_KEY[key].unit) for key in IN_SHORT]
+        seconds = short_number(run["total_cpu_seconds"])
+        rows.append([scene["name"], remark, str(run["budget"]), str(run["primitives"]), seconds, *figures])
+    headers = ["scene", "take", "set", "CPU s", *map(HEADERS.__getitem__, IN_SHORT)]
+    return f"<h2>Which budget to take</h2>{table(headers, rows)}"
 
 
 def _advice(scene: Report) -> str:
@@ -96,81 +101,15 @@ def _advice(scene: Report) -> str:
     return f'<div class="advice"><p><strong>{escape(first)}</strong></p>{lines}</div>'
 
 
-def advice_in_words(scene: Report) -> str:
-    """The advice as one paragraph."""
-    return " ".join(advice_lines(scene))
-
-
-def advice_lines(scene: Report) -> list[str]:
-    """Which budget to take; why, its cost and how good it is; what is lost; whether more is ever worse."""
-    advice, name = scene["summary"]["advice"], scene["name"]
-    if advice is None:
-        return [f"{name}: no fit succeeded."]
-    runs = {run["budget"]: run for run in budget_runs(scene)}
-    chosen, best = runs[advice["budget"]], runs[advice["best_budget"]]
-    return [
-        f"{name}: take {advice['budget']}.",
-        _reason(advice, chosen),
-        _loss(chosen, best),
-        _monotony(scene["summary"]["monotony"]),
-    ]
-
-
-def _reason(advice: Report, chosen: Report) -> str:
-    limits = _limits(ENOUGH_FOR_LIGHT)
-    if advice["enough"]:
-        why = f"The smallest budget tried that is enough for light ({limits})"
-    else:
-        missed = _limits({key: ENOUGH_FOR_LIGHT[key] for key in advice["missed"]})
-        why = (
-            f"No budget tried is enough for light; this is the smallest within {NEAR_BEST - 1:.0%} of the "
-            f"least error E, and misses {missed}"
-        )
-    cost = f"{chosen['primitives']} primitives, {short_number(chosen['total_cpu_seconds'])} s of CPU"
-    return f"{why}: {_in_short(chosen)}; {cost}."
-
-
-def _loss(chosen: Report, best: Report) -> str:
-    if best["budget"] == chosen["budget"]:
-        return "No other budget tried has less error."
-    more = best["total_cpu_seconds"] - chosen["total_cpu_seconds"]
-    seconds = f"{short_number(abs(more))} s of CPU {'more' if more >= 0 else 'less'}"
-    return (
-        f"Lost against {best['budget']} ({best['primitives']} primitives, {seconds}), the least error: "
-        f"{_in_short(best)} there."
-    )
-
-
-def _monotony(monotony: Report) -> str:
-    if not monotony["rises"]:
-        return "A larger budget was never worse."
-    worst = max(monotony["rises"], key=lambda rise: rise["rise"] or 0.0)
-    grew = f"{worst['rise']:.1%}" if worst["rise"] is not None else "from zero"
-    verdict = "within" if monotony["holds"] else "MORE than"
-    return (
-        f"A larger budget raised the error by {grew} at most ({worst['from']} to {worst['to']}), "
-        f"{verdict} the {monotony['tolerance']:.0%} that new points may."
-    )
-
-
-def _in_short(run: Report) -> str:
-    return ", ".join(f"{HEADERS[key]} {quantity(value_of(run, key), BY_KEY[key].unit)}" for key in IN_SHORT)
-
-
-def _limits(limits: Mapping[str, float]) -> str:
-    return ", ".join(
-        f"{HEADERS[key]} at most {quantity(most, BY_KEY[key].unit)}" for key, most in limits.items()
-    )
-
-
 # ------------------------------------------------------------------------------------------------- scene
 
 
-def _scene(scene: Report, seed: int) -> str:
+def _scene(scene: Report) -> str:
     if scene["failure"]:
-        return ""
+        return _advice(scene)
     parts = [
         f"<h2>{escape(scene['name'])}</h2>",
+        _advice(scene),
         _scene_facts(scene),
         _over_primitives(scene),
         _over_seconds(scene),
@@ -239,7 +178,7 @@ def _points(scene: Report, cost: str, cost_key: str, key: str) -> dict[str, list
             continue
         words = (
             f"{run['method']}, budget {run['budget']}: {run['primitives']} primitives, "
-            f"{short_number(run['total_cpu_seconds'])} s; {_in_short(run)}"
+            f"{short_number(run['total_cpu_seconds'])} s; {in_short(run)}"
         )
         best = key in run["pareto"].get(cost, ())
         label = str(run["budget"]) if cost == "seconds" else ""
@@ -249,11 +188,6 @@ def _points(scene: Report, cost: str, cost_key: str, key: str) -> dict[str, list
 
 def _plotted(scene: Report) -> list[Report]:
     return [run for run in scene["runs"] if run["series"] in ("budget", "peer") and run["status"] == "ok"]
-
-
-def budget_runs(scene: Report) -> list[Report]:
-    """The runs over budgets that succeeded."""
-    return [run for run in scene["runs"] if run["series"] == "budget" and run["status"] == "ok"]
 
 
 def _budgets(scene: Report) -> str:

@@ -15,7 +15,8 @@ from PIL import Image
 from pipelines.bench_fit import EMPTY_RUN
 from pipelines.bench_fit_summary import summarize
 from pipelines.report.curves import Point, axis, curves
-from pipelines.report.fit_page import advice_in_words, build_page
+from pipelines.report.fit_advice import advice_in_words
+from pipelines.report.fit_page import build_page
 from pipelines.report.plots import stacked_bars
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -76,6 +77,16 @@ def test_the_page_stands_alone_and_speaks_first(report: dict[str, Any]) -> None:
     assert re.search(r"Lost against 64 \(64 primitives, 12 s of CPU more\).*leaks 0.39 %", body)
     assert "What each kind brings" in body
     assert "Beside convex decompositions" in body
+
+
+def test_several_scenes_start_with_a_line_each(report: dict[str, Any]) -> None:
+    first = report["scenes"][0]
+    failed = first | {"name": "c", "failure": "no face stops light", "runs": [], "summary": summarize([])}
+    report["scenes"] = [first, failed]
+    page = build_page(report)
+    overview = page[page.index("Which budget to take") : page.index("<h2>a&amp;b")]
+    assert re.search(r"a&amp;b</td><td[^>]*>16</td>", overview)
+    assert "no face stops light" in overview
 
 
 def test_the_advice_names_what_is_missed_and_what_rises(report: dict[str, Any]) -> None:
