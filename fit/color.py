@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.glow import Glow, alpha_cutoffs, find_glow
+from fit.glow import Glow, alpha_cutoffs
 from fit.primitives import Kind, PrimitiveSet, shared_face_colors
 from fit.scene import Float64, Scene
 from fit.sdf import distance, primitive_face, sample_boundary, union_distance
@@ -23,11 +23,17 @@ _BEHIND = 1e-9
 _MIDDLE = 0.4
 """Of the thickness: both sides of a sheet lie near the middle of its primitive, and count."""
 
+LOOK_OUT_CELLS = 0.04
+"""Of a cell: this far out of the surface its nearest primitive is looked for. Lamps and plates stand out of
+their walls by half of it."""
+
 _EXPOSURE_SAMPLES = 4_000
 """Points on the primitives that emit, by which the part of each face that air touches is known."""
 
 
-def color(primitives: PrimitiveSet, scene: Scene, air: Air, seen: Seen, *, seed: int = 0) -> PrimitiveSet:
+def color(
+    primitives: PrimitiveSet, scene: Scene, air: Air, seen: Seen, glow: Glow, *, seed: int = 0
+) -> PrimitiveSet:
     """The set with the textured linear colours of the surface near each face.
 
     Every seen sample goes to the primitive whose boundary is nearest, and there to the face that looks its
@@ -41,7 +47,7 @@ def color(primitives: PrimitiveSet, scene: Scene, air: Air, seen: Seen, *, seed:
     if len(primitives) == 0 or len(seen) == 0:
         return primitives
     albedo = _albedo(primitives, scene, air, seen)
-    emission = _emission(primitives, find_glow(scene, air, seed), air, seed)
+    emission = _emission(primitives, glow, air, seed)
     return replace(
         primitives,
         albedo=shared_face_colors(primitives.kinds, albedo),
@@ -51,13 +57,13 @@ def color(primitives: PrimitiveSet, scene: Scene, air: Air, seen: Seen, *, seed:
 
 def _albedo(primitives: PrimitiveSet, scene: Scene, air: Air, seen: Seen) -> Float64:
     samples = seen.samples
-    owner = nearest_primitive(primitives, samples.points, seen.normals)
+    owner = nearest_primitive(primitives, samples.points, seen.normals, air.cell)
     face, turned_here = facing(primitives, owner, samples.points, seen.normals)
     albedo, _, alpha = colors(scene, air.walls, samples.triangle, samples.barycentric)
     shown = alpha >= alpha_cutoffs(scene)[air.walls.material[samples.triangle]]
     # Means over area: hits of rays only speak where no sample by area lies.
     weights = seen.weights * np.where(seen.by_area, 1.0, 1e-6) * np.where(turned_here, 1.0, _BEHIND) * shown
-    slot = _slots(primitives, owner, face)
+    slot = face_slots(primitives, owner, face)
     sums = _sums(np.clip(albedo, 0.0, 1.0) * weights[:, None], slot, len(primitives))
     mass = _sums(weights[:, None], slot, len(primitives))
     scene_mean = _ratio(sums.sum(axis=(0, 1)), mass.sum(axis=(0, 1)), np.zeros(3))
@@ -68,8 +74,8 @@ def _albedo(primitives: PrimitiveSet, scene: Scene, air: Air, seen: Seen) -> Flo
 def _emission(primitives: PrimitiveSet, glow: Glow, air: Air, seed: int) -> Float64:
     if len(glow) == 0:
         return np.zeros((len(primitives), 6, 3))
-    owner = nearest_primitive(primitives, glow.points, glow.normals)
-    slot = _slots(primitives, owner, facing(primitives, owner, glow.points, glow.normals)[0])
+    owner = nearest_primitive(primitives, glow.points, glow.normals, air.cell)
+    slot = face_slots(primitives, owner, facing(primitives, owner, glow.points, glow.normals)[0])
     flux = _sums(glow.flux, slot, len(primitives))
     area = _sums(glow.areas[:, None], slot, len(primitives))
     lit = np.unique(owner)
@@ -78,7 +84,7 @@ def _emission(primitives: PrimitiveSet, glow: Glow, air: Air, seed: int) -> Floa
 
 
 def _exposed_areas(primitives: PrimitiveSet, which: Index, air: Air, seed: int) -> Float64:
-    """Area (k, 6, 1) of what air touches of the faces of the primitives `which` (k,), by `_slots`."""
+    """Area (k, 6, 1) of what air touches of the faces of the primitives `which` (k,), by `face_slots`."""
     finite = which[~primitives.is_half_space[which]]
     chosen = primitives.select(finite)
     exposed = np.zeros((len(primitives), 6, 1))
@@ -92,17 +98,19 @@ def _exposed_areas(primitives: PrimitiveSet, which: Index, air: Air, seed: int) 
     return exposed[which]
 
 
-def nearest_primitive(primitives: PrimitiveSet, points: Float64, normals: Float64) -> Index:
-    """Primitive (p,) whose boundary is nearest to each point; of equal ones the one behind the surface."""
+def nearest_primitive(primitives: PrimitiveSet, points: Float64, normals: Float64, cell: float) -> Index:
+    """Primitive (p,) whose boundary is nearest to each point of the surface, seen from just outside of it.
+
+    Of equally near ones it is the one behind the surface. `cell`: edge of the air's cells.
+    """
     nudge = 1e-6 * float(np.abs(points - points.mean(axis=0)).max())
-    best, owner = np.full(len(points), np.inf), np.zeros(len(points), np.int64)
-    behind = points - nudge * normals
+    owner = np.zeros(len(points), np.int64)
+    outside, behind = points + LOOK_OUT_CELLS * cell * normals, points - nudge * normals
     for start in range(0, len(points), 4096):
         rows = slice(start, start + 4096)
-        distances = distance(primitives, points[rows])
-        tie = (distance(primitives, behind[rows]) > 0) * nudge
-        score = np.abs(distances) + tie
-        owner[rows], best[rows] = score.argmin(axis=1), score.min(axis=1)
+        score = np.abs(distance(primitives, outside[rows]))
+        score += (distance(primitives, behind[rows]) > 0) * nudge
+        owner[rows] = score.argmin(axis=1)
     return owner
 
 
@@ -130,7 +138,7 @@ def facing(
 _SIDES = [0, 1, 4, 5]
 
 
-def _slots(primitives: PrimitiveSet, owner: Index, face: Index) -> Index:
+def face_slots(primitives: PrimitiveSet, owner: Index, face: Index) -> Index:
     """Row (p,) of a face in a table of six a primitive; spheres and cylinders' sides have the first only."""
     kinds = primitives.kinds[owner]
     round_ = (kinds == Kind.SPHERE) | ((kinds == Kind.CYLINDER) & np.isin(face, _SIDES))

@@ -5,21 +5,22 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.fit_parts import PartFits, bounding_fit
+from fit.fit_parts import bounding_fit
+from fit.glow import Glow
 from fit.primitives import Kind
-from fit.recognize import Piece
-from fit.scene import Float64, Scene
+from fit.recognize import Piece, recognize
+from fit.scene import Float64
 from fit.shapes import Shapes, distances_to_one, join, make_shapes
 from fit.spaces import Air
 from fit.split import Parts
-from fit.surface import Surface, colors
+from fit.surface import Surface
 from fit.targets import Seen
 
 MOST_SKIPPED = 0.1
 """Of the projected area: a scene that is nothing but small parts is still fitted."""
 
 LEAST_POWER = 0.01
-"""Of the light that the scene's surfaces emit: below it a lamp may share its neighbour's primitive."""
+"""Of the light that the strongest lamp emits: below it a lamp may share its neighbour's primitive."""
 
 _PROUD = 0.02
 """Of a cell: a lamp stands out of the wall that it hangs on, so that a ray meets the lamp first."""
@@ -57,22 +58,19 @@ def skip_small_parts(
     )
 
 
-def emissive_parts(scene: Scene, air: Air, parts: Parts, seen: Seen, fits: PartFits, most: int) -> Shapes:
-    """One fixed shape for each part that emits a good share of the scene's light, the strongest first."""
-    if not any(max(m.emission) > 0 for m in scene.materials):
-        return join([])
+def emissive_parts(glow: Glow, air: Air, parts: Parts, most: int) -> Shapes:
+    """One fixed shape for each of the parts that emit the most light, the strongest first."""
     walls = air.walls
-    emission = colors(scene, walls, seen.samples.triangle, seen.samples.barycentric)[1].sum(axis=1)
-    of_sample = parts.of_triangle[seen.samples.triangle]
-    power = np.bincount(of_sample[seen.by_area], weights=emission[seen.by_area], minlength=len(parts))
+    of_sample = parts.of_triangle[glow.triangle]
+    power = np.bincount(of_sample, weights=glow.flux.sum(axis=1), minlength=len(parts))
     strongest = np.argsort(-power, kind="stable")[:most]
     lamps = []
-    for part in strongest[power[strongest] > LEAST_POWER * max(float(power.sum()), np.finfo(float).tiny)]:
+    for part in strongest[power[strongest] > LEAST_POWER * power.max(initial=0.0)]:
         rows = np.flatnonzero(parts.of_triangle == part)
-        own = fits.shapes.select(np.flatnonzero(fits.part == part))
         piece = Piece(walls.vertices[rows], walls.normals[rows], walls.areas[rows])
-        shape = own if len(own) and own.exact.all() else bounding_fit(piece)
-        points = seen.samples.points[of_sample == part]
+        exact = recognize(piece)
+        shape = exact if len(exact) == 1 else bounding_fit(piece)
+        points = glow.points[of_sample == part]
         if np.abs(distances_to_one(shape, 0, points)).mean() <= _FLAT_ENOUGH * air.cell:
             halves = shape.halves + _PROUD * air.cell
             lamps.append(

@@ -24,15 +24,18 @@ from fit.canonical import (
 )
 from fit.color import color
 from fit.fit_parts import PartFits, fit_parts
+from fit.glow import find_glow
 from fit.grow import make_lattice, propose_boxes
 from fit.keep import emissive_parts, skip_small_parts
 from fit.measure import Metrics, PrimitiveError, measure, measure_each, place_probes
-from fit.objective import Targets, set_distances
+from fit.objective import Targets, error, set_distances
 from fit.orient import find_frames
+from fit.paint import paint
+from fit.palette import find_palette
 from fit.primitives import PrimitiveSet
 from fit.regions import find_regions, propose_slabs
 from fit.scene import Scene
-from fit.shapes import KINDS, Shapes, to_primitives
+from fit.shapes import KINDS, Shapes, no_shapes, to_primitives
 from fit.spaces import Air
 from fit.split import split
 from fit.surface import Surface
@@ -144,9 +147,10 @@ def fit(
         parts = split(scene, air.walls)
         wanted, weights, skipped = skip_small_parts(parts, air.walls, seen, settings.least_share())
         targets = make_targets(seen, air, weights, AIR_SAMPLES, settings.seed)
+        glow = find_glow(scene, air, settings.seed)
     with stages("parts"):
         parts_fits = fit_parts(air, parts, wanted, targets, seen.samples.triangle)
-        fixed = emissive_parts(scene, air, parts, seen, parts_fits, MOST_LAMPS)
+        fixed = emissive_parts(glow, air, parts, MOST_LAMPS)
     with stages("build"):
         shapes = build(
             targets, _pool(parts_fits), _proposers(air, seen, targets, settings), fixed,
@@ -156,8 +160,11 @@ def fit(
             good_enough=_within(targets, settings.max_error), progress=stages.fraction,
         )  # fmt: skip
     with stages("color"):
+        palette = find_palette(scene, air, seen, targets.reach)
+        worth_it = GAIN_BY_DEFAULT * error(no_shapes(), targets)
+        shapes = paint(shapes, targets, palette, limit=settings.limit(), least_gain=worth_it, kept=len(fixed))
         uncolored = to_primitives(shapes, planes="plane" in settings.kinds)
-        primitives = color(uncolored, scene, air, seen, seed=settings.seed)
+        primitives = color(uncolored, scene, air, seen, glow, seed=settings.seed)
     with stages("measure"):
         probes = place_probes(surface, air, settings.seed)
         metrics = measure(primitives, surface, air, seed=settings.seed, probes=probes)

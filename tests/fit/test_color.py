@@ -9,6 +9,7 @@ import pytest
 
 from fit.air import find_air
 from fit.color import color
+from fit.glow import find_glow
 from fit.primitives import PrimitiveSet, make_plane
 from fit.scene import AlphaMode, Image, Instance, Material, Mesh, Scene, Texture, TextureUse
 from fit.surface import from_scene
@@ -31,7 +32,7 @@ def colored(material: Material, pixels: np.ndarray) -> PrimitiveSet:
     )
     air = find_air(from_scene(scene), scene, resolution=40)
     seen = see_surface(air, 8000, 0)
-    return color(make_plane((0, 0, 0), 2, 2, 0.01), scene, air, seen)
+    return color(make_plane((0, 0, 0), 2, 2, 0.01), scene, air, seen, find_glow(scene, air))
 
 
 @pytest.mark.parametrize("mode", [AlphaMode.MASK, AlphaMode.BLEND, AlphaMode.OPAQUE])
