@@ -1,8 +1,8 @@
 #!/bin/sh
 # Makes .venv with sdfprim in it, ready to run: ./setup.sh [dev]
 #
-# Installs what Debian or Ubuntu lack (Python's venv, a Vulkan driver) when it may, which is as root or where sudo asks
-# for no password; else it names the one command to run.
+# Installs what Debian or Ubuntu lack (Python's venv, a Vulkan driver, OpenGL's libraries) when it may, which is as root
+# or where sudo asks for no password; else it names the one command to run.
 set -eu
 cd "$(dirname "$0")"
 extras=${1:-}
@@ -79,6 +79,15 @@ check_gpu() {
     has_adapter || $python -c 'from runtime.device import open_device; open_device()' >&2
 }
 
+# Only meshes with holes need MeshLab, so a machine that may not install its libraries goes on without.
+check_meshlab() {
+    loads() { $python -c 'from fit.clean import load_meshlab; load_meshlab()' >/dev/null 2>&1; }
+    loads && return
+    (need "pymeshlab misses OpenGL's libraries" libgl1 libopengl0) || true
+    loads || say "going on without pymeshlab: bodies with holes are fitted as open sheets"
+}
+
 make_venv
 install_package
 check_gpu
+check_meshlab

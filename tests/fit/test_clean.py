@@ -1,0 +1,75 @@
+"""Meshes mended by MeshLab: what cleaning, thinning, lids and the wrap leave of a body, at any size."""
+
+import builtins
+
+import numpy as np
+import pytest
+import trimesh
+
+from fit import clean as mending
+from fit.clean import NoMeshLab, clean, close_holes, decimate, wrap
+from fit.surface import from_triangles
+from fit.volume import mesh_volume
+
+
+def ball(radius=1.0, subdivisions=3):
+    return np.array(trimesh.creation.icosphere(subdivisions, radius).triangles)
+
+
+def open_ball():
+    """A ball without its lowest cap."""
+    triangles = ball()
+    return triangles[triangles[:, :, 1].mean(axis=1) > -0.9]
+
+
+def volume(triangles):
+    return mesh_volume(from_triangles(triangles))[0]
+
+
+def test_cleaning_welds_seams_and_drops_doubled_and_flat_triangles():
+    whole = ball()
+    shaken = whole + 1e-8 * np.random.default_rng(0).normal(size=whole.shape)
+    flat = np.repeat(whole[:5, :1], 3, axis=1)
+    cleaned = clean(np.concatenate([shaken, whole[:40], flat]))
+    assert len(cleaned) == len(whole)
+    assert len(np.unique(cleaned.reshape(-1, 3), axis=0)) == len(whole) // 2 + 2
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e5])
+def test_decimation_keeps_the_shape(scale):
+    few = decimate(scale * ball(subdivisions=4), 500)
+    assert 300 <= len(few) <= 520
+    np.testing.assert_allclose(volume(few), volume(scale * ball(subdivisions=4)), rtol=0.02)
+
+
+def test_a_lid_closes_a_hole():
+    assert volume(open_ball()) is None
+    np.testing.assert_allclose(volume(close_holes(open_ball())), volume(ball()), rtol=0.05)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e5])
+def test_the_wrap_closes_what_lids_cannot(offset):
+    """A ball of triangles that nowhere share a corner."""
+    loose = ball()
+    loose = loose.mean(axis=1, keepdims=True) + 0.9 * (loose - loose.mean(axis=1, keepdims=True))
+    assert volume(loose) is None
+    wrapped = wrap(loose + offset)
+    np.testing.assert_allclose(volume(wrapped), volume(ball()), rtol=0.03)
+    np.testing.assert_allclose((wrapped.min(axis=(0, 1)) + wrapped.max(axis=(0, 1))) / 2, offset, atol=0.02)
+
+
+def test_nothing_stays_nothing():
+    assert len(clean(np.zeros((0, 3, 3)))) == 0
+    assert len(wrap(np.zeros((2, 3, 3)))) == 0
+
+
+def test_a_missing_library_is_named_with_what_installs_it(monkeypatch):
+    def refuse(name, *args, **kwargs):
+        if name == "pymeshlab":
+            raise ImportError("libGL.so.1: cannot open shared object file")
+        return real(name, *args, **kwargs)
+
+    real = builtins.__import__
+    monkeypatch.setattr(builtins, "__import__", refuse)
+    with pytest.raises(NoMeshLab, match=r"libGL\.so\.1.*apt-get install libgl1 libopengl0"):
+        mending.wrap(ball())
