@@ -153,13 +153,16 @@ class Bench:
         return outcome
 
     def write(self) -> None:
-        """`report.json`, `report.csv` and `report.html` of what is done so far."""
+        """`report.json`, `.csv`, `.md` and `.html` of what is done so far."""
+        from pipelines.report.fit_markdown import build_markdown
         from pipelines.report.fit_page import build_page
 
         folder = self.settings.output
         write_json(folder / "report.json", self.report)
         write_text(folder / "report.csv", to_csv(self.report))
-        write_text(self.settings.page, build_page(to_json_value(self.report)))
+        values = to_json_value(self.report)
+        write_text(folder / "report.md", build_markdown(values))
+        write_text(self.settings.page, build_page(values))
 
 
 def run(settings: BenchSettings, update: Update) -> dict[str, Any]:

@@ -301,7 +301,7 @@ def bench_fits(
 ) -> int:
     """Measure error and seconds of the fit over budgets, by kind and by step of the method.
 
-    Writes OUTPUT/report.json, report.csv and report.html (one page, no network) after every run.
+    Writes OUTPUT/report.json, .csv, .md and .html (one page that opens without a network) after every run.
 
     Parameters
     ----------

@@ -16,6 +16,7 @@ from pipelines.bench_fit import EMPTY_RUN
 from pipelines.bench_fit_summary import summarize
 from pipelines.report.curves import Point, axis, curves
 from pipelines.report.fit_advice import advice_in_words
+from pipelines.report.fit_markdown import build_markdown
 from pipelines.report.fit_page import build_page
 from pipelines.report.plots import stacked_bars
 
@@ -32,7 +33,7 @@ def make_run(budget: int, error: float, **changes: Any) -> dict[str, Any]:
     """A run over budgets."""
     metrics = {
         "surface_to_set_mean_m": error, "leaks": error / 4, "blocked": error / 9, "false_solid": 0.0,
-        "air_distance_error_pct": error, "iou": None,
+        "air_distance_error_pct": error, "covered_half_pct": 0.875, "iou": None,
     }  # fmt: skip
     found = {
         "series": "budget", "label": str(budget), "budget": budget, "status": "ok", "primitives": budget,
@@ -104,6 +105,18 @@ def test_the_advice_names_what_is_missed_and_what_rises(report: dict[str, Any]) 
 def test_a_report_without_any_run_is_a_page(report: dict[str, Any]) -> None:
     report["scenes"][0] |= {"runs": [], "summary": summarize([])}
     assert "no fit succeeded" in build_page(report)
+
+
+def test_the_tables_hold_every_run(report: dict[str, Any]) -> None:
+    text = build_markdown(report)
+    rows = [line.split(" | ") for line in text.splitlines() if line.startswith("| a&b")]
+    assert [row[1] for row in rows] == [f"sdfprim, {n}" for n in (4, 16, 64)] + [
+        "vhacd boxes, 64", "coacd boxes, 64",
+    ]  # fmt: skip
+    assert rows[1][2:6] == ["16", "6.25", "0.694", "87.5"], "the surface's distance is in % of the diagonal"
+    assert rows[4][2] == "stopped <here>"
+    assert {line.count("|") for line in text.splitlines() if line.startswith("|")} == {13}
+    assert "| 64 | without box |" in text
 
 
 def test_curves_lie_where_the_figures_are() -> None:
