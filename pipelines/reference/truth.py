@@ -163,7 +163,7 @@ class Reference:
 
 
 def _load_scene(mi: Any, integrator: dict[str, Any], shapes: dict[str, Any], lights: dict[str, Any]) -> Any:
-    """Without Mitsuba's merging of shapes: merged rectangles lose their bounds, and suns shine from within."""
+    """Without Mitsuba's merging of shapes: merged rectangles lose their bounds, and suns leak in."""
     scene = {"type": "scene", "integrator": integrator, **shapes, **lights}
     return mi.load_dict(scene, optimize=False)
 
