@@ -93,7 +93,9 @@ Pairs = list[tuple[NDArray[np.generic], NDArray[np.generic]]]
 def _vhacd(vertices: Float64, faces: NDArray[np.uint32], count: int, seed: int) -> Pairs:
     import vhacdx
 
-    return list(vhacdx.compute_vhacd(vertices, faces, maxConvexHulls=count))
+    # It reads a flat list in which each face's number of corners comes first, and mistakes anything else.
+    packed = np.column_stack([np.full(len(faces), 3, np.uint32), faces]).ravel()
+    return list(vhacdx.compute_vhacd(vertices, packed, maxConvexHulls=count))
 
 
 def _coacd(vertices: Float64, faces: NDArray[np.uint32], count: int, seed: int) -> Pairs:
