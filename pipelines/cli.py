@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 import cyclopts
 from cyclopts import Parameter
 
-from pipelines import bench_fit, compare, convert, demo, describe, render
+from pipelines import bench_fit, compare, convert, demo, describe, render, slices
 from pipelines.console import Terminal
 from pipelines.errors import UsageError
 from pipelines.machine import package_version
@@ -227,6 +227,49 @@ def render_scene(
     with terminal.progress() as update:
         report = render.run(settings, update)
     terminal.result(report, lambda: render.show(report, terminal))
+    return OK
+
+
+@app.command(name="slices")
+def slice_scene(
+    scene: Path,
+    *,
+    output: Annotated[Path, Output],
+    set_: Annotated[Path | None, Parameter(name="--set")] = None,
+    at: Annotated[str | None, Numbers] = None,
+    air: Annotated[list[str] | None, Numbers, Parameter(negative="")] = None,
+    scale: float = 1.0,
+    width: int = 1500,
+    json: Annotated[bool, Flag] = False,
+) -> int:
+    """Cut a scene open: which spaces are air, where the mesh is, and where the set fills them.
+
+    Writes one PNG with a cut across each axis, a scale and a legend.
+
+    Parameters
+    ----------
+    scene
+        A .gltf or .glb file.
+    output
+        The picture, .png.
+    set_
+        The scene's primitives, from convert; without it the scene is converted first.
+    at
+        The point x,y,z that the cuts go through, metres; the middle of the air by default.
+    air
+        A space that is air, as for convert: outside, or a point x,y,z in it. May be given several times.
+    scale
+        Multiplies every length.
+    width
+        Of the picture, pixels.
+    json
+        Print the report as JSON.
+    """
+    terminal = Terminal(json)
+    settings = slices.SlicesSettings(scene, output, set_, at, tuple(air or ()), scale, width)
+    with terminal.progress() as update:
+        report = slices.run(settings, update)
+    terminal.result(report, lambda: slices.show(report, terminal))
     return OK
 
 
