@@ -238,10 +238,48 @@ def _atrium_court(scene: Glb, materials: dict[str, int]) -> None:
         scene.part(f"chain at {x}, {z}", materials["wood"], chain)
 
 
+def table(scene: Glb) -> None:
+    """A table of five boxes, as separate shells of one mesh; its legs run up into the top."""
+    wood = scene.material("wood", (0.32, 0.19, 0.1))
+    legs = [box_at((x, 0.37, z), (0.07, 0.74, 0.07)) for x in (-0.7, 0.7) for z in (-0.35, 0.35)]
+    scene.part("table", wood, join(box_at((0, 0.735, 0), (1.6, 0.05, 0.9)), *legs))
+    scene.camera("front", (1.6, 1.5, 2.2), (0, 0.4, 0), 40)
+
+
+def six_solids(scene: Glb) -> None:
+    """Two boxes, two spheres and two cylinders that overlap, as separate shells of one mesh."""
+    grey = scene.material("grey", NEUTRAL)
+    solids = join(
+        box_at((0, 0.25, 0), (1.2, 0.5, 0.8)),
+        box_at((0.1, 0.6, 0.05), (0.5, 0.9, 0.4)).turned(28),
+        sphere((-0.5, 0.6, 0.15), 0.35, 64),
+        sphere((0.62, 0.42, -0.2), 0.3, 64),
+        cylinder((-0.2, 0.1, -0.35), 0.18, 1.2, 64),
+        cylinder((0.55, 0.2, 0.4), 0.22, 0.6, 64),
+    )
+    scene.part("solids", grey, solids)
+    scene.camera("front", (1.8, 1.4, 2.4), (0, 0.5, 0), 40)
+
+
+def colonnade(scene: Glb) -> None:
+    """Six columns of a base, a shaft and a capital between a floor and a beam: 20 primitives in one mesh."""
+    stone = scene.material("stone", (0.6, 0.57, 0.5))
+    parts = [box((-4.0, 0, -0.6), (4.0, 0.2, 0.6)), box((-3.8, 3.2, -0.4), (3.8, 3.6, 0.4))]
+    for x in np.linspace(-3.25, 3.25, 6):
+        parts.append(box_at((x, 0.3, 0), (0.7, 0.3, 0.7)))
+        parts.append(cylinder((x, 0.4, 0), 0.25, 2.7, 64))
+        parts.append(box_at((x, 3.1, 0), (0.62, 0.3, 0.62)))
+    scene.part("colonnade", stone, join(*parts))
+    scene.camera("front", (5, 2.4, 8), (0, 1.7, 0), 45)
+
+
 SCENES: dict[str, Callable[[Glb], None]] = {
     "atrium": atrium,
+    "colonnade": colonnade,
     "cornell": cornell,
     "sealed_room": sealed_room,
+    "six_solids": six_solids,
+    "table": table,
     "two_rooms": two_rooms,
     "two_colour_wall": two_colour_wall,
 }

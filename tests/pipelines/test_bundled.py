@@ -15,7 +15,9 @@ from pipelines.describe import describe_scene
 from pipelines.options import parse_camera, parse_color, parse_sun
 from pipelines.views import named_views
 
-NAMES = ("atrium", "cornell", "sealed_room", "two_colour_wall", "two_rooms")
+NAMES = (
+    "atrium", "colonnade", "cornell", "sealed_room", "six_solids", "table", "two_colour_wall", "two_rooms",
+)  # fmt: skip
 
 
 def test_scenes_are_not_stale(bundled_assets: Path, tmp_path: Path) -> None:
@@ -44,7 +46,9 @@ def test_scenes_load_whole(name: str) -> None:
         assert (np.einsum("ij,ij->i", faces, shading) > 0).all(), f"{mesh.name} faces away from its normals"
 
 
-@pytest.mark.parametrize(("name", "closed"), [("sealed_room", 6), ("two_rooms", 12), ("cornell", 2)])
+@pytest.mark.parametrize(
+    ("name", "closed"), [("sealed_room", 6), ("two_rooms", 12), ("cornell", 2), ("colonnade", 1)]
+)
 def test_closed_meshes(name: str, closed: int) -> None:
     assert describe_scene(gltf.load(bundled_file(f"{name}.glb")))["closed_meshes"] == closed
 
