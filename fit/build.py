@@ -18,13 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.choose import choose, offer, prune, without_least
+from fit.cut import cut_worst
+from fit.merge import thin_out
 from fit.objective import Targets, error, set_distances
 from fit.refine import refine
 from fit.scene import Float64
 from fit.shapes import KINDS, Shapes, are_of, join, no_shapes
 
-RUNGS = (4, 6, 8, 12, 16, 20, 24, 32, 40, 48, 64, 80, 96, 128, 160, 192, 256, 320, 384, 448, 512)
+RUNGS = (4, 8, 12, 16, 24, 32, 48, 64, 96, 128, 160, 192, 256, 320, 384, 448, 512)
 """Sizes at which rounds of growth end, whatever the budget."""
+
+BODY_RUNGS = (16, 24, 32, 64, 128, 256, 512)
+"""Rungs at which a closed body's own fit competes: it costs as much as a rung or two of growth."""
+
+NEGLIGIBLE = 0.2
+"""Of the softness of the error: a set of so small an error needs no more shapes."""
 
 MOVED_SHARE = 1 / 10
 """Of the shapes: the least useful, which may move to where the error is largest at the end of a round."""
@@ -32,7 +40,7 @@ MOVED_SHARE = 1 / 10
 EVALUATIONS = 60
 """Of the error, in one pass of the refinement."""
 
-STEPS = ("parts", "growing", "regions", "refinement", "teleportation")
+STEPS = ("parts", "growing", "regions", "bodies", "refinement", "merging", "splitting", "teleportation")
 """The optional steps in the order in which they join; `bench fit` leaves some out to see what each brings."""
 
 
@@ -48,21 +56,23 @@ EVERYTHING = Scope()
 
 
 @dataclass(frozen=True)
-class Pool:
-    """Candidates that stay on offer all the time, and the factors (n,) on their gains."""
+class Sources:
+    """Where shapes come from.
+
+    shapes: candidates that are always on offer, with factors `bonus` (n,) on their gains; proposers: asked
+    for more in every round, given the set's distances (p,), by the names of the steps that they are; body: a
+    complete set of at most so many shapes, made another way, which competes by its error.
+    """
 
     shapes: Shapes
     bonus: Float64
-
-
-Proposer = Callable[[Float64, np.random.Generator], Shapes]
-"""Candidates for a set at the given distances (p,) from the targets."""
+    proposers: Mapping[str, Callable[[Float64, np.random.Generator], Shapes]]
+    body: Callable[[int], Shapes] | None = None
 
 
 def build(
     targets: Targets,
-    pool: Pool,
-    proposers: Mapping[str, Proposer],
+    sources: Sources,
     fixed: Shapes,
     *,
     limit: int,
@@ -75,14 +85,11 @@ def build(
 ) -> Shapes:
     """At most `limit` shapes, the `fixed` ones first and unchanged.
 
-    proposers: asked in every round, by the names of the steps that they are; least_gain: share of the empty
-    set's error that one more shape must take off; max_step: farthest that a face may move in one refinement;
-    good_enough: an end before.
+    least_gain: share of the empty set's error that one more shape must take off; max_step: farthest that a
+    face may move in one refinement; good_enough: an end before.
     """
     least = least_gain * max(error(no_shapes(), targets), np.finfo(float).tiny)
-    growth = _Growth(
-        targets, pool, proposers, scope, len(fixed), least, max_step, np.random.default_rng(seed)
-    )
+    growth = _Growth(targets, sources, scope, len(fixed), least, max_step, np.random.default_rng(seed))
     lower, upper = no_shapes(), fixed
     for rung in (r for r in RUNGS if r > len(fixed)):
         lower, upper = upper, growth.climb(upper, rung)
@@ -90,40 +97,57 @@ def build(
             progress(min(1.0, len(upper) / limit))
         if len(upper) <= len(lower) or len(upper) >= limit or (good_enough and good_enough(upper)):
             break
+        if growth.error(upper) <= NEGLIGIBLE * targets.soft:
+            break
     return growth.descend(upper, lower, limit)
 
 
 @dataclass
 class _Growth:
-    """What the steps share."""
+    """What the steps share, and the candidates proposed last."""
 
     targets: Targets
-    pool: Pool
-    proposers: Mapping[str, Proposer]
+    sources: Sources
     scope: Scope
     kept: int
     least: float
     max_step: float
     rng: np.random.Generator
+    proposed: Shapes | None = None
 
     def climb(self, shapes: Shapes, size: int) -> Shapes:
         """A set of at most `size` shapes and of no larger error."""
-        grown = self._round(shapes, size)
-        if "teleportation" in self.scope.steps and len(grown) > self.kept:
-            fewer = len(grown) - max(1, int(MOVED_SHARE * len(grown)))
-            rest = prune(grown, self.targets, least_gain=self.least, kept=self.kept, at_most=fewer)
-            grown = self._better(self._round(rest, size), grown)
-        return self._better(grown, shapes)
+        grown = self._better(self._filled(shapes, size), shapes)
+        self.proposed = None
+        if "bodies" in self.scope.steps and self.sources.body and size in BODY_RUNGS and not self.kept:
+            body = self.sources.body(size)
+            grown = self._better(body.select(are_of(body, self.scope.kinds)), grown)
+        for step, move in (("splitting", self._split), ("teleportation", self._teleported)):
+            if step in self.scope.steps and len(grown) > self.kept:
+                grown = self._better(move(grown, size), grown)
+        return grown
+
+    def _teleported(self, shapes: Shapes, size: int) -> Shapes:
+        """The least useful shapes, or one of two that are alike, moved to where the error is largest."""
+        count = min(max(1, int(MOVED_SHARE * len(shapes))), len(shapes) - self.kept)
+        merging = "merging" in self.scope.steps
+        rest = thin_out(shapes, self.targets, count=count, kept=self.kept, merging=merging)
+        return self._filled(rest, size)
+
+    def _split(self, shapes: Shapes, size: int) -> Shapes:
+        """The boxes of the largest error of their own cut in two, while the set is short."""
+        return cut_worst(shapes, self.targets, self._refined, most=size, kept=self.kept)
 
     def descend(self, shapes: Shapes, lower: Shapes, limit: int) -> Shapes:
         """At most `limit` shapes between two rungs: no better than `shapes`, no worse than `lower`."""
         while len(shapes) > limit:
             fewer, heirs = without_least(shapes, self.targets, self.kept)
             refined = self._refined(fewer, heirs)
-            shapes = refined if self._error(refined) >= self._error(shapes) else fewer
+            shapes = refined if self.error(refined) >= self.error(shapes) else fewer
         return self._better(shapes, lower) if len(lower) <= limit else shapes
 
-    def _round(self, shapes: Shapes, size: int) -> Shapes:
+    def _filled(self, shapes: Shapes, size: int) -> Shapes:
+        """The set with the candidates that pay, up to `size`, refined; shapes that do harm are left out."""
         distances = set_distances(shapes, self.targets)
         candidates, bonus = self._candidates(distances)
         offers = offer(candidates, bonus, self.targets, distances)
@@ -132,12 +156,14 @@ class _Growth:
         return prune(self._refined(grown), self.targets, least_gain=0.0, kept=self.kept)
 
     def _candidates(self, distances: Float64) -> tuple[Shapes, Float64]:
-        standing = self.pool.shapes if "parts" in self.scope.steps else no_shapes()
-        active = [proposer for step, proposer in self.proposers.items() if step in self.scope.steps]
-        proposed = [proposer(distances, self.rng) for proposer in active]
-        candidates = join([standing, *proposed])
+        """All on offer; proposals for a set that was thinned out also serve to make it grow from there."""
+        standing = self.sources.shapes if "parts" in self.scope.steps else no_shapes()
+        if self.proposed is None:
+            active = [ask for step, ask in self.sources.proposers.items() if step in self.scope.steps]
+            self.proposed = join([ask(distances, self.rng) for ask in active])
+        candidates = join([standing, self.proposed])
         bonus = np.ones(len(candidates))
-        bonus[: len(standing)] = self.pool.bonus[: len(standing)]
+        bonus[: len(standing)] = self.sources.bonus[: len(standing)]
         allowed = are_of(candidates, self.scope.kinds)
         return candidates.select(allowed), bonus[allowed]
 
@@ -149,7 +175,7 @@ class _Growth:
         return refined if are_of(refined, self.scope.kinds)[self.kept :].all() else shapes
 
     def _better(self, one: Shapes, other: Shapes) -> Shapes:
-        return one if self._error(one) < self._error(other) else other
+        return one if self.error(one) < self.error(other) else other
 
-    def _error(self, shapes: Shapes) -> float:
+    def error(self, shapes: Shapes) -> float:
         return error(shapes, self.targets)

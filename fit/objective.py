@@ -14,6 +14,8 @@ leak, however near the set lies.
 
     rho(r) = e / (1 + e / leak), e = sqrt(max(r, 0)^2 + soft^2) - soft
 
+Of air inside the set it counts once more, in the same saturating way, that it is filled.
+
 Of points inside a solid (D < 0) only what is farther out counts: a union's distance there is a bound.
 """
 
@@ -32,6 +34,9 @@ from fit.shapes import Shapes, distances_to_one
 
 STICKS_OUT = 1.3
 """Error of a set nearer than the surface (it darkens the air) against one that is farther (it leaks)."""
+
+FILLED = 6.0
+"""Error of air inside the set, beside that of its distance: a place is filled or it is not."""
 
 PLACES = (0.0, 0.5, 1.0)
 """Where along a ray's way the set's distance is taken; the least of them is the ray's."""
@@ -111,7 +116,9 @@ def penalties(targets: Targets, distances: Float64, rows: Rows = slice(None)) ->
     """Weighted error (k,) of the targets `rows` when the set is at these signed distances (k,)."""
     residual, error = _residuals(targets, distances, rows)
     error = np.where(targets.is_ray[rows], error / (1 + error / targets.leak), error)
-    return targets.weights[rows] * error * np.where(residual < 0, STICKS_OUT, 1.0)
+    error *= np.where(residual < 0, STICKS_OUT, 1.0)
+    depth = np.where(targets.distances[rows] > 0, np.clip(-distances, 0.0, targets.reach), 0.0)
+    return targets.weights[rows] * (error + FILLED * depth / (1 + depth / targets.leak))
 
 
 def penalty_slopes(targets: Targets, distances: Float64, rows: Rows = slice(None)) -> Float64:
@@ -119,8 +126,11 @@ def penalty_slopes(targets: Targets, distances: Float64, rows: Rows = slice(None
     residual, error = _residuals(targets, distances, rows)
     slope = residual / (error + targets.soft)
     slope = np.where(targets.is_ray[rows], slope / (1 + error / targets.leak) ** 2, slope)
+    slope *= np.where(residual < 0, STICKS_OUT, 1.0)
+    depth = np.where(targets.distances[rows] > 0, np.maximum(-distances, 0.0), 0.0)
+    slope -= np.where(depth > 0, FILLED / (1 + depth / targets.leak) ** 2, 0.0)
     slope[(distances >= targets.caps[rows]) | (distances <= -targets.reach)] = 0.0
-    return targets.weights[rows] * slope * np.where(residual < 0, STICKS_OUT, 1.0)
+    return targets.weights[rows] * slope
 
 
 def _residuals(targets: Targets, distances: Float64, rows: Rows) -> tuple[Float64, Float64]:

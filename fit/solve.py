@@ -8,17 +8,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
 from fit.air import LostSeed, find_air, parse_seed
-from fit.build import STEPS, Pool, Proposer, Scope, build
+from fit.bodies import fit_body
+from fit.build import STEPS, Scope, Sources, build
 from fit.canonical import (
     Pose,
     TurnedAir,
     in_axes_of,
     to_canonical,
     world_air,
+    world_lengths,
     world_primitives,
     world_surface,
 )
@@ -36,13 +39,14 @@ from fit.primitives import PrimitiveSet
 from fit.regions import find_regions, propose_slabs
 from fit.scene import Scene
 from fit.shapes import KINDS, Shapes, no_shapes, to_primitives
+from fit.solid import Solid, find_solid, inside_targets
 from fit.spaces import Air
 from fit.split import split
 from fit.surface import Surface
-from fit.targets import Seen, make_targets, see_surface
+from fit.targets import Seen, along_a_curve, make_targets, see_surface
 
 BYTES_PER_PRIMITIVE = 64
-SURFACE_SAMPLES, AIR_SAMPLES = 12_000, 16_000
+SURFACE_SAMPLES, AIR_SAMPLES, INSIDE_SAMPLES = 12_000, 16_000, 8_000
 
 Progress = Callable[[str, float], None]
 
@@ -105,7 +109,7 @@ PRESETS = {"coarse": (48, 0.005), "fine": (192, 0.0005)}
 
 MOST_BY_DEFAULT, MOST_FOR_ERROR = 128, 512
 SKIP_BY_DEFAULT = 0.001
-GAIN_BY_DEFAULT, GAIN_WITH_BUDGET = 2e-4, 1e-5
+GAIN_BY_DEFAULT, GAIN_WITH_BUDGET = 2e-4, 2e-5
 
 COARSE, FINE = FitSettings(preset="coarse"), FitSettings(preset="fine")
 
@@ -147,17 +151,21 @@ def fit(
         parts = split(scene, air.walls)
         wanted, weights, skipped = skip_small_parts(parts, air.walls, seen, settings.least_share())
         targets = make_targets(seen, air, weights, AIR_SAMPLES, settings.seed)
+        solid = _whole_solid(air, seen) if "bodies" in settings.steps else None
+        if solid:
+            targets = along_a_curve(inside_targets(targets, air, solid, INSIDE_SAMPLES, settings.seed))
         glow = find_glow(scene, air, settings.seed)
     with stages("parts"):
         parts_fits = fit_parts(air, parts, wanted, targets, seen.samples.triangle)
         fixed = emissive_parts(glow, air, parts, MOST_LAMPS)
     with stages("build"):
-        shapes = build(
-            targets, _pool(parts_fits), _proposers(air, seen, targets, settings), fixed,
+        whole = no_shapes() if len(fixed) else _whole(parts_fits, settings)
+        shapes = whole if len(whole) else build(
+            targets, _sources(air, seen, targets, parts_fits, solid, settings), fixed,
             limit=settings.limit(), least_gain=settings.least_gain(), max_step=STEP_CELLS * air.cell,
             seed=settings.seed,
             scope=Scope(settings.kinds, settings.steps),
-            good_enough=_within(targets, settings.max_error), progress=stages.fraction,
+            good_enough=_within(targets, settings.max_error, pose.unit), progress=stages.fraction,
         )  # fmt: skip
     with stages("color"):
         palette = find_palette(scene, air, seen, targets.reach)
@@ -167,15 +175,20 @@ def fit(
         primitives = color(uncolored, scene, air, seen, glow, seed=settings.seed)
     with stages("measure"):
         probes = place_probes(surface, air, settings.seed)
-        metrics = measure(primitives, surface, air, seed=settings.seed, probes=probes)
+        metrics = measure(primitives, surface, air, seed=settings.seed, probes=probes, metre=1 / pose.unit)
         errors = measure_each(primitives, probes)
     outer = world_air(air, pose)
     # Where every face is a wall, both are one: millions of triangles are not turned twice.
     turned = outer.walls if air.walls is surface else world_surface(surface, pose)
     return Fit(
-        world_primitives(primitives, pose), turned, outer, metrics, errors, skipped, stages.seconds,
-        _notes(shapes, settings, targets) + outer.notes(),
+        world_primitives(primitives, pose), turned, outer, world_lengths(metrics, pose),
+        tuple(world_lengths(one, pose) for one in errors), _in_metres(skipped, pose.unit), stages.seconds,
+        _notes(shapes, settings, targets, pose.unit) + outer.notes(),
     )  # fmt: skip
+
+
+def _in_metres(skipped: list[dict[str, object]], unit: float) -> list[dict[str, object]]:
+    return [part | {"area_m2": cast(float, part["area_m2"]) * unit**2} for part in skipped]
 
 
 def _canonical_air(air: Air | None, pose: Pose, scene: Scene, surface: Surface, settings: FitSettings) -> Air:
@@ -187,7 +200,7 @@ def _canonical_air(air: Air | None, pose: Pose, scene: Scene, surface: Surface, 
         return find_air(surface, scene, resolution=settings.resolution, seeds=seeds)
     except LostSeed as lost:
         seed, nearest = pose.triple_outwards(lost.seed), pose.triple_outwards(lost.nearest)
-        raise LostSeed(seed, nearest, lost.room) from None
+        raise LostSeed(seed, nearest, lost.room * pose.unit) from None
 
 
 MOST_LAMPS = 16
@@ -200,38 +213,62 @@ PART_BONUS, EXACT_BONUS = 1.1, 1.5
 """Factors on the gain of candidates that stand for a whole part, and of those that are it exactly."""
 
 
-def _proposers(air: Air, seen: Seen, targets: Targets, settings: FitSettings) -> dict[str, Proposer]:
-    """What is asked for candidates in every round, by the names of the steps."""
+LEAST_BODY = 0.95
+"""Of the seen surface, that a solid must bound to compete as a complete set made from its volume."""
+
+
+def _whole_solid(air: Air, seen: Seen) -> Solid | None:
+    """The solid that the seen surface bounds, where it is closed."""
+    solid = find_solid(air)
+    if solid is None:
+        return None
+    bounds = solid.tree.nearest(seen.samples.points)[0] < 1e-3 * air.cell
+    return solid if seen.weights @ bounds >= LEAST_BODY * seen.weights.sum() else None
+
+
+def _sources(
+    air: Air, seen: Seen, targets: Targets, parts: PartFits, solid: Solid | None, settings: FitSettings
+) -> Sources:
+    """Where the set's shapes come from."""
     frames = find_frames(seen.normals, seen.weights)
     lattices = [make_lattice(air, frame, air.cell, *air.walls.bounds) for frame in frames]
-    regions = find_regions(air, targets, seed=settings.seed) if "regions" in settings.steps else None
-    return {
+    regions = find_regions(air, targets, seed=settings.seed)
+    proposers = {
         "growing": lambda distances, rng: propose_boxes(lattices, targets, distances, rng),
         "regions": lambda distances, rng: propose_slabs(regions, targets, distances),
     }
+    bonus = np.where(parts.shapes.exact, EXACT_BONUS, PART_BONUS)
+    if solid is None:
+        return Sources(parts.shapes, bonus, proposers)
+    return Sources(
+        parts.shapes, bonus, proposers, body=lambda size: fit_body(solid, air, size, seed=settings.seed)
+    )
 
 
-def _pool(parts: PartFits) -> Pool:
-    return Pool(parts.shapes, np.where(parts.shapes.exact, EXACT_BONUS, PART_BONUS))
+def _whole(parts: PartFits, settings: FitSettings) -> Shapes:
+    """The exact primitives that the scene is made of, where the settings admit them all; else none."""
+    kinds = {KINDS[kind] for kind in parts.whole.kinds}
+    admitted = len(parts.whole) <= settings.limit() and kinds <= set(settings.kinds)
+    return parts.whole if admitted else no_shapes()
 
 
-def _within(targets: Targets, max_error: float | None) -> Callable[[Shapes], bool] | None:
+def _within(targets: Targets, max_error: float | None, unit: float) -> Callable[[Shapes], bool] | None:
     if max_error is None:
         return None
     surface = targets.select(np.flatnonzero(targets.is_surface))
-    return lambda shapes: _surface_p95(shapes, surface) <= max_error
+    return lambda shapes: unit * _surface_p95(shapes, surface) <= max_error
 
 
 def _surface_p95(shapes: Shapes, surface: Targets) -> float:
     return float(np.percentile(np.abs(set_distances(shapes, surface)), 95)) if len(surface) else 0.0
 
 
-def _notes(shapes: Shapes, settings: FitSettings, targets: Targets) -> tuple[str, ...]:
+def _notes(shapes: Shapes, settings: FitSettings, targets: Targets, unit: float) -> tuple[str, ...]:
     notes = []
     if len(shapes) == 0:
         notes.append("no primitive: no surface is seen from the air")
     if settings.max_error is not None:
-        reached = _surface_p95(shapes, targets.select(np.flatnonzero(targets.is_surface)))
+        reached = unit * _surface_p95(shapes, targets.select(np.flatnonzero(targets.is_surface)))
         if reached > settings.max_error:
             notes.append(
                 f"max_error {settings.max_error:g} m not reached: {reached:.3g} m, {len(shapes)} primitives"

@@ -26,7 +26,7 @@ NEAR_CELLS = 3
 RAYS = 6_000
 """Rays whose hits the set must not let pass."""
 
-RAYS_WEIGHT = 8.0
+RAYS_WEIGHT = 20.0
 """Of all rays together; surface and air weigh 1 each."""
 
 LEAK_SHARE = 0.01
@@ -124,7 +124,7 @@ def make_targets(seen: Seen, air: Air, weights: Float64, count: int, seed: int) 
     surface = _rows(air, seen.samples.points[rows], weights[rows], normals=seen.normals[rows], sample=rows)
     points, distances = _air_points(air, count, seed)
     free = _rows(air, points, np.full(len(points), 1.0 / max(len(points), 1)), distances=distances)
-    return _along_a_curve(join_targets([surface, free, _ray_targets(air, seed)]))
+    return along_a_curve(join_targets([surface, free, _ray_targets(air, seed)]))
 
 
 def _rows(
@@ -173,7 +173,7 @@ def random_directions(count: int, seed: int) -> Float64:
     return directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
-def _along_a_curve(targets: Targets) -> Targets:
+def along_a_curve(targets: Targets) -> Targets:
     """The same targets, neighbours in space side by side: runs of rows are compact, strides spread evenly."""
     lower = targets.points.min(axis=0, initial=np.inf)
     cells = ((targets.points - lower) / (_RUN_REACH * targets.reach)).astype(np.int64)

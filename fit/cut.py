@@ -1,0 +1,54 @@
+"""One box becomes two where one does not do: cut across its longest side and refined, if E falls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fit.objective import Targets, distance_table, error, penalties
+from fit.primitives import Kind
+from fit.shapes import Shapes, join, make_shapes
+
+TRIED = 3
+"""Boxes that are cut on trial, those of the largest error of their own first."""
+
+Refine = Callable[[Shapes, NDArray[np.bool_]], Shapes]
+
+
+def cut_worst(shapes: Shapes, targets: Targets, refine: Refine, *, most: int, kept: int = 0) -> Shapes:
+    """The set with up to `TRIED` boxes cut in two, as long as there is room and E falls each time."""
+    table = distance_table(shapes, targets)
+    own = np.bincount(table.argmin(axis=0), penalties(targets, table.min(axis=0)), len(shapes))
+    can = (shapes.kinds == Kind.BOX) & ~shapes.exact & (np.arange(len(shapes)) >= kept)
+    worst = [int(i) for i in np.argsort(-own, kind="stable") if can[i]][:TRIED]
+    lowest = error(shapes, targets)
+    for i in worst:
+        if len(shapes) >= most:
+            break
+        second = len(shapes)
+        trial = _cut(shapes, i)
+        free = np.zeros(len(trial), bool)
+        free[[i, second]] = True
+        trial = refine(trial, free)
+        reached = error(trial, targets)
+        if reached < lowest:
+            shapes, lowest = trial, reached
+    return shapes
+
+
+def _cut(shapes: Shapes, which: int) -> Shapes:
+    """The set with one box in two halves, the first in its place and the second at the end."""
+    axis = int(np.argmax(shapes.halves[which]))
+    halves = shapes.halves[which].copy()
+    halves[axis] /= 2
+    offset = shapes.frames[which][:, axis] * halves[axis]
+    both = make_shapes(
+        Kind.BOX,
+        np.stack([shapes.centers[which] - offset, shapes.centers[which] + offset]),
+        shapes.frames[which],
+        halves,
+    )
+    before, after = shapes.select(slice(0, which)), shapes.select(slice(which + 1, None))
+    return join([before, both.select(slice(0, 1)), after, both.select(slice(1, 2))])
