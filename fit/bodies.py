@@ -7,12 +7,14 @@ the count is right; then, round by round, some of the least useful move to where
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from fit.descend import descend_alone, descend_together
-from fit.occupancy import Occupancy, difference, distance_table, sample_occupancy, worths
+from fit.occupancy import BAND_CELLS, Occupancy, difference, distance_table, sample_occupancy, worths
 from fit.primitives import Kind
 from fit.scene import Float64
 from fit.shapes import Shapes, join, make_shapes, no_shapes
@@ -25,16 +27,16 @@ OVER = 1.5
 SHRINK = 0.9
 """Most shapes kept from one descent to the next on the way to the count."""
 
-BAND_CELLS = 3.0
-"""Narrower bands follow the samples rather than the solid, wider ones see past thin walls."""
-
 POINTS_PER_SHAPE, LEAST_POINTS, MOST_POINTS = 400, 5_000, 40_000
 """Near the surface, while searching. Fewer are overfitted: 9 parameters a shape."""
+
+FAR_SHARE = 2
+"""Points near the surface for one that is deep inside, and for one far outside, while searching."""
 
 FINAL_POINTS = 2
 """Times as many in the last descent."""
 
-ROUNDS = 6
+ROUNDS, SWAP_ROUND = 12, 3
 MOVED = 1 / 8
 """Share of the shapes that a round may move."""
 
@@ -48,11 +50,12 @@ def fit_body(solid: Solid, air: Air, limit: int, *, given: Shapes | None = None,
     given = no_shapes() if given is None else given.select(slice(0, limit))
     rng = np.random.default_rng(seed)
     near = int(np.clip(POINTS_PER_SHAPE * limit, LEAST_POINTS, MOST_POINTS))
-    occupancy = sample_occupancy(solid, air, near, near // 3, BAND_CELLS, seed)
-    final = sample_occupancy(solid, air, FINAL_POINTS * near, near, BAND_CELLS, seed + 1)
+    final = sample_occupancy(solid, air, FINAL_POINTS * near, near // FAR_SHARE, seed)
+    occupancy = final.select(slice(None, None, FINAL_POINTS), 1 / FINAL_POINTS)
     if not occupancy.inside.any():
         return given
-    shapes = shrink(_start(occupancy, int(OVER * limit), given, rng), occupancy, limit, len(given))
+    wide = replace(occupancy, band=BAND_CELLS * air.cell)
+    shapes = shrink(_start(wide, int(OVER * limit), given, rng), occupancy, limit, len(given))
     shapes = descend_together(swap_kinds(shapes, occupancy, len(given)), occupancy, 12)
     shapes = _move(shapes, occupancy, limit, len(given), rng)
     return descend_together(shapes, final, 30)
@@ -143,8 +146,7 @@ def swap_kinds(shapes: Shapes, occupancy: Occupancy, kept: int) -> Shapes:
     for i in range(kept, len(shapes)):
         own = np.flatnonzero(np.array(owner) == i)
         chosen.append(fitted.select(own[[int(gains[own].argmax())]]))
-    swapped = join(chosen)
-    return swapped if difference(swapped, occupancy) < difference(shapes, occupancy) else shapes
+    return join(chosen)
 
 
 def shrink(shapes: Shapes, occupancy: Occupancy, limit: int, kept: int) -> Shapes:
@@ -164,17 +166,19 @@ def _move(shapes: Shapes, occupancy: Occupancy, limit: int, kept: int, rng: np.r
     """Rounds in which the least useful shapes move to where most is missing, where that pays."""
     lowest = difference(shapes, occupancy)
     count = max(1, int(MOVED * len(shapes)))
-    for _ in range(ROUNDS):
+    for round in range(ROUNDS):
         worth = worths(shapes, occupancy)
         worth[:kept] = np.inf
         rest = shapes.select(np.sort(np.argsort(worth, kind="stable")[min(count, len(shapes) - kept) :]))
         trial = add_missing(rest, occupancy, limit - len(rest), rng)
         trial = descend_together(trial, occupancy, 12)
+        if round == SWAP_ROUND:
+            trial = descend_together(swap_kinds(trial, occupancy, kept), occupancy, 12)
         reached = difference(trial, occupancy)
         if reached < lowest:
             shapes, lowest = trial, reached
         else:
-            count = max(1, count // 2)
+            count = max(1, (2 * count) // 3)
     return shapes
 
 

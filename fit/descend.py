@@ -49,7 +49,7 @@ def descend_together(
     band, free = occupancy.band, ~shapes.exact if free is None else free
     if not free.any():
         return shapes
-    table = distance_table(shapes, occupancy)
+    table = distance_table(shapes, occupancy, bands=3.0)
     near = occupancy.select(np.flatnonzero(np.abs(table.min(axis=0)) < 3 * band))
     given, owner, distances = shapes, *_nearest(shapes, near)
     lowest = near.differences(distances).sum()
@@ -141,7 +141,7 @@ def _step(
     band, count = occupancy.band, len(shapes)
     scale = np.ones((count, PARAMETERS))
     scale[:, 3:6] = 1 / np.linalg.norm(shapes.halves, axis=1)[:, None]
-    residual = distances - occupancy.distances
+    residual = distances - occupancy.known
     pulls = np.flatnonzero((np.abs(distances) < band) & (residual != 0) & free[owner])
     residual, owner = residual[pulls], owner[pulls]
     weights = occupancy.volumes[pulls] / np.maximum(np.abs(residual), SHARPEST * band)
