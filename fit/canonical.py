@@ -9,20 +9,23 @@ scene has mirrored axes.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fit.bvh import TriangleTree
 from fit.grid import Grid
+from fit.passages import Passage
 from fit.primitives import PrimitiveSet
 from fit.rays import RayCaster
 from fit.rotation import quaternions_from_matrices
 from fit.scene import Float64, Instance, Node, Scene, transform_points
 from fit.spaces import Air, AirSpace
-from fit.surface import Surface, from_scene
+from fit.surface import Surface, from_scene, oriented
 
 Int64 = NDArray[np.int64]
+T = TypeVar("T", bound=Any)
 
 SAMPLES = 1024
 """Faces looked at, drawn by area."""
@@ -36,8 +39,14 @@ ACROSS = 0.05
 LEAST_ACROSS = 0.03
 """Of the area, across the first axis, from which its normals give the second axis; else outlines do."""
 
+OUTLINED = 3
+"""Of so many faces one gives its edges to the search for an outline."""
+
 TIE = 1e-6
 """Relative: of two that differ by less, the one that comes first in the mesh is taken, not the larger."""
+
+STEP = 2.0**-24
+"""Of the diagonal: canonical vertices are multiples of it, as fine as the float32 that files hold."""
 
 SNAP = 1e-9
 """Axes within this of the world's are the world's."""
@@ -45,10 +54,12 @@ SNAP = 1e-9
 
 @dataclass(frozen=True)
 class Pose:
-    """Canonical coordinates in the world: axes (3, 3), columns, right- or left-handed; center (3,)."""
+    """Canonical coordinates in the world: axes (3, 3), columns, right- or left-handed; center (3,); metres of
+    a canonical unit, which is the diagonal of the canonical bounds."""
 
     axes: Float64
     center: Float64
+    unit: float = 1.0
 
     @property
     def is_mirrored(self) -> bool:
@@ -56,11 +67,11 @@ class Pose:
 
     def inwards(self, points: Float64) -> Float64:
         """Canonical coordinates of world points (..., 3)."""
-        return (points - self.center) @ self.axes
+        return (points - self.center) @ self.axes / self.unit
 
     def outwards(self, points: Float64) -> Float64:
         """World coordinates of canonical points (..., 3)."""
-        return points @ self.axes.T + self.center
+        return points @ self.axes.T * self.unit + self.center
 
     def triple_inwards(self, point: tuple[float, float, float]) -> tuple[float, float, float]:
         x, y, z = self.inwards(np.array(point, np.float64))
@@ -88,14 +99,14 @@ def find_pose(surface: Surface) -> Pose:
         second = _narrowed(flat / np.linalg.norm(flat, axis=1)[:, None], _heaviest(flat))
     else:
         second = _along_outline(corners, first)
-    axes = _signed(normals, _orthonormal(first, second))
+    axes = _signed(normals, corners, _orthonormal(first, second))
     if np.abs(axes - np.rint(axes)).max() < SNAP:
         axes = np.rint(axes)
     lower, upper = np.full(3, np.inf), np.full(3, -np.inf)
     for corner in range(3):
         local = surface.vertices[:, corner] @ axes
         lower, upper = np.minimum(lower, local.min(axis=0)), np.maximum(upper, local.max(axis=0))
-    return Pose(axes, axes @ ((lower + upper) / 2))
+    return Pose(axes, axes @ ((lower + upper) / 2), float(np.linalg.norm(upper - lower)))
 
 
 def _first_largest(values: Float64) -> int:
@@ -126,18 +137,19 @@ def _narrowed(directions: Float64, direction: Float64) -> Float64:
 def _along_outline(corners: Float64, normal: Float64) -> Float64:
     """The edge along which the rectangle around all corners (n, 3, 3), seen along `normal`, is smallest.
 
-    The smallest rectangle around a convex polygon shares an edge with it (Freeman and Shapira 1975).
+    Of several such, it is the one that the corners spread most along. The smallest rectangle around a convex
+    polygon shares an edge with it (Freeman and Shapira 1975).
     """
-    edges = (np.roll(corners, -1, axis=1) - corners).reshape(-1, 3)
+    edges = (np.roll(corners, -1, axis=1) - corners)[::OUTLINED].reshape(-1, 3)
     edges -= np.outer(edges @ normal, normal)
     lengths = np.linalg.norm(edges, axis=1)
     long = np.flatnonzero(lengths > TIE * lengths.max())
-    along = edges[long[:: max(1, len(long) // SAMPLES)]]
-    along /= np.linalg.norm(along, axis=1)[:, None]
-    points = corners.reshape(-1, 3)
-    points = points - points.mean(axis=0)
-    sizes = [np.ptp(points @ sides.T, axis=0) for sides in (along, np.cross(normal, along))]
-    return along[_first_largest(-sizes[0] * sizes[1])] if len(along) else np.eye(3)[np.abs(normal).argmin()]
+    along = edges[long] / lengths[long, None]
+    points = corners.reshape(-1, 3) - corners.mean(axis=(0, 1))
+    places = points @ along.T
+    areas = np.ptp(places, axis=0) * np.ptp(points @ np.cross(normal, along).T, axis=0)
+    smallest = np.flatnonzero(areas <= (1 + TIE) * areas.min())
+    return along[smallest[_first_largest(places[:, smallest].var(axis=0))]]
 
 
 def _orthonormal(first: Float64, second: Float64) -> Float64:
@@ -146,12 +158,19 @@ def _orthonormal(first: Float64, second: Float64) -> Float64:
     return np.stack([first, second, np.cross(first, second)], axis=1)
 
 
-def _signed(normals: Float64, axes: Float64) -> Float64:
-    """Axes that point as the first face that looks along each does: so they are mirrored with the mesh."""
-    along = normals @ axes
-    leader = np.argmax(np.abs(along) >= (1 - TIE) * np.abs(along).max(axis=0), axis=0)
-    signs = np.sign(along[leader, np.arange(3)])
-    return axes * np.where(signs == 0, 1.0, signs)
+def _signed(normals: Float64, corners: Float64, axes: Float64) -> Float64:
+    """Axes that point where most faces look, or lie far out, or the first of them: mirrored with the mesh."""
+    points = corners - corners.mean(axis=(0, 1))
+    points /= np.abs(points).max()
+    facing, along = normals @ axes, points @ axes
+    middles = along.mean(axis=1)
+    signs = np.ones(3)
+    for axis in range(3):
+        means = [values[..., axis].mean() for values in (facing, along**3)]
+        firsts = [values[_first_largest(np.abs(values[:, axis])), axis] for values in (facing, middles)]
+        told = [value for value in (*means, *firsts) if abs(value) > TIE]
+        signs[axis] = np.sign(told[0]) if told else 1.0
+    return axes * signs
 
 
 # ---------------------------------------------------------------------------------------- into the pose
@@ -165,7 +184,7 @@ def to_canonical(scene: Scene) -> tuple[Pose, Scene, Surface]:
     if len(surface) == 0:
         return Pose(np.eye(3), anchor), near, surface
     pose = find_pose(surface.walls() if surface.is_wall.any() else surface)
-    return Pose(pose.axes, pose.center + anchor), moved_scene(near, pose), moved_surface(surface, pose)
+    return replace(pose, center=pose.center + anchor), moved_scene(near, pose), moved_surface(surface, pose)
 
 
 def in_axes_of(air: Air, scene: Scene) -> tuple[Pose, Scene, Surface]:
@@ -189,7 +208,7 @@ def moved_scene(scene: Scene, pose: Pose) -> Scene:
 
     def placed(matrix: Float64) -> Float64:
         result = matrix.copy()
-        result[:3, :3] = pose.axes.T @ matrix[:3, :3]
+        result[:3, :3] = pose.axes.T @ matrix[:3, :3] / pose.unit
         result[:3, 3] = pose.inwards(matrix[:3, 3])
         return result
 
@@ -207,12 +226,23 @@ def moved_scene(scene: Scene, pose: Pose) -> Scene:
 
 
 def moved_surface(surface: Surface, pose: Pose) -> Surface:
-    """The surface in canonical coordinates; fronts stay fronts."""
-    return _mapped(surface, pose.inwards(surface.vertices), surface.normals @ pose.axes, pose.is_mirrored)
+    """The surface in canonical coordinates, rounded to `STEP`; fronts stay fronts.
 
-
-def _mapped(surface: Surface, vertices: Float64, normals: Float64, mirrored: bool) -> Surface:
-    return replace(surface, vertices=vertices[:, [0, 2, 1]] if mirrored else vertices, normals=normals)
+    So its vertices, and all that follows from them, are the same bits wherever the scene stands: the last
+    digit of one number can send a search another way.
+    """
+    vertices = pose.inwards(surface.vertices)
+    np.rint(np.divide(vertices, STEP, out=vertices), out=vertices)
+    vertices *= STEP
+    if pose.is_mirrored:
+        vertices = vertices[:, [0, 2, 1]]
+    vertices, normals, areas, kept = oriented(vertices)
+    return replace(
+        surface if len(kept) == len(surface) else surface.select(kept),
+        vertices=vertices,
+        normals=normals,
+        areas=areas,
+    )
 
 
 # ------------------------------------------------------------------------------------- back to the world
@@ -230,6 +260,7 @@ def world_primitives(primitives: PrimitiveSet, pose: Pose) -> PrimitiveSet:
         primitives,
         positions=pose.outwards(primitives.positions),
         rotations=quaternions_from_matrices(turn),
+        sizes=primitives.sizes * pose.unit,
         albedo=albedo,
         emission=emission,
     )
@@ -237,7 +268,19 @@ def world_primitives(primitives: PrimitiveSet, pose: Pose) -> PrimitiveSet:
 
 def world_surface(surface: Surface, pose: Pose) -> Surface:
     """A canonical surface in the world."""
-    return _mapped(surface, pose.outwards(surface.vertices), surface.normals @ pose.axes.T, pose.is_mirrored)
+    vertices = pose.outwards(surface.vertices)
+    return replace(
+        surface,
+        vertices=vertices[:, [0, 2, 1]] if pose.is_mirrored else vertices,
+        normals=surface.normals @ pose.axes.T,
+        areas=surface.areas * pose.unit**2,
+    )
+
+
+def world_lengths(figures: T, pose: Pose) -> T:
+    """A dataclass of figures with those whose names end in `_m`, lengths, in metres."""
+    names = [f.name for f in fields(figures) if f.name.endswith("_m")]
+    return replace(figures, **{name: getattr(figures, name) * pose.unit for name in names})
 
 
 class _TurnedTree(TriangleTree):
@@ -245,13 +288,14 @@ class _TurnedTree(TriangleTree):
 
     def __init__(self, tree: TriangleTree, pose: Pose) -> None:
         self._inner, self._pose = tree, pose
-        self.center, self.diagonal = pose.outwards(tree.center), tree.diagonal
+        self.center, self.diagonal = pose.outwards(tree.center), tree.diagonal * pose.unit
 
     def nearest(self, points: Float64) -> tuple[Float64, Int64]:
-        return self._inner.nearest(self._pose.inwards(points))
+        distance, triangle = self._inner.nearest(self._pose.inwards(points))
+        return distance * self._pose.unit, triangle
 
     def first_hit(self, origins: Float64, directions: Float64) -> tuple[Float64, Int64]:
-        return self._inner.first_hit(self._pose.inwards(origins), directions @ self._pose.axes)
+        return _turned_hits(self._inner, self._pose, origins, directions)
 
 
 class _TurnedRays(RayCaster):
@@ -261,20 +305,28 @@ class _TurnedRays(RayCaster):
         self._inner, self._pose = rays, pose
 
     def first_hit(self, origins: Float64, directions: Float64) -> tuple[Float64, Int64]:
-        return self._inner.first_hit(self._pose.inwards(origins), directions @ self._pose.axes)
+        return _turned_hits(self._inner, self._pose, origins, directions)
+
+
+def _turned_hits(
+    target: TriangleTree | RayCaster, pose: Pose, origins: Float64, directions: Float64
+) -> tuple[Float64, Int64]:
+    distance, triangle = target.first_hit(pose.inwards(origins), directions @ pose.axes)
+    return distance * pose.unit, triangle
 
 
 @dataclass(frozen=True)
 class TurnedGrid(Grid):
-    """A grid along canonical axes, asked in the world; `origin` stays canonical."""
+    """A grid along canonical axes, asked in the world; its cell is in metres, `origin` a world point."""
 
+    inner: Grid
     pose: Pose
 
     def cells_of(self, points: Float64) -> Int64:
-        return super().cells_of(self.pose.inwards(points))
+        return self.inner.cells_of(self.pose.inwards(points))
 
     def centers(self, cells: Int64) -> Float64:
-        return self.pose.outwards(super().centers(cells))
+        return self.pose.outwards(self.inner.centers(cells))
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,22 +338,25 @@ class TurnedAir(Air):
 
     def random_points_and_distances(self, count: int, seed: int) -> tuple[Float64, Float64]:
         points, distances = self.inner.random_points_and_distances(count, seed)
-        return self.pose.outwards(points), distances
+        return self.pose.outwards(points), distances * self.pose.unit
 
 
 def world_air(air: Air, pose: Pose) -> TurnedAir:
     """Canonical air in the world: points, directions, triangles and spaces are the world's."""
+    unit, grid = pose.unit, air.grid
 
-    def placed(space: AirSpace) -> AirSpace:
-        return replace(space, point=pose.triple_outwards(space.point))
+    def space(old: AirSpace) -> AirSpace:
+        return replace(old, point=pose.triple_outwards(old.point), volume=old.volume * unit**3)
+
+    def passage(old: Passage) -> Passage:
+        point = pose.triple_outwards(old.point)
+        return replace(old, point=point, width=old.width * unit, area=old.area * unit**2)
 
     values = {f.name: getattr(air, f.name) for f in fields(Air)} | {
-        "grid": TurnedGrid(air.grid.origin, air.grid.cell, air.grid.shape, pose),
-        "spaces": tuple(placed(space) for space in air.spaces),
-        "rejected": tuple(placed(space) for space in air.rejected),
-        "passages": tuple(
-            replace(passage, point=pose.triple_outwards(passage.point)) for passage in air.passages
-        ),
+        "grid": TurnedGrid(pose.outwards(grid.origin), grid.cell * unit, grid.shape, grid, pose),
+        "spaces": tuple(space(old) for old in air.spaces),
+        "rejected": tuple(space(old) for old in air.rejected),
+        "passages": tuple(passage(old) for old in air.passages),
         "walls": world_surface(air.walls, pose),
         "tree": _TurnedTree(air.tree, pose),
         "rays": _TurnedRays(air.rays, pose),

@@ -124,11 +124,18 @@ def place_probes(surface: Surface, air: Air, seed: int = 0) -> Probes:
 
 
 def measure(
-    primitives: PrimitiveSet, surface: Surface, air: Air, *, seed: int = 0, probes: Probes | None = None
+    primitives: PrimitiveSet,
+    surface: Surface,
+    air: Air,
+    *,
+    seed: int = 0,
+    probes: Probes | None = None,
+    metre: float = 1.0,
 ) -> Metrics:
     """All metrics of a set against the surface it was fitted to.
 
     `probes`: from `place_probes` of the same surface, air and seed; giving them to several calls saves time.
+    `metre`: a metre in the units of the surface, where they are others.
     """
     probes = probes or place_probes(surface, air, seed)
     diagonal = probes.diagonal
@@ -142,7 +149,7 @@ def measure(
         surface_to_set_mean_m=_mean(to_set),
         surface_to_set_p95_m=float(np.percentile(to_set, 95)) if len(to_set) else 0.0,
         surface_to_set_max_m=float(to_set.max(initial=0.0)),
-        covered_25cm=_mean(to_set <= COVERED_METRES, empty=1.0),
+        covered_25cm=_mean(to_set <= COVERED_METRES * metre, empty=1.0),
         covered_half_pct=_mean(to_set <= COVERED_SHARE * diagonal, empty=1.0),
         set_to_surface_mean_m=_mean(to_surface),
         false_solid=false_solid,

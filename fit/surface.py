@@ -79,7 +79,7 @@ class Surface:
 
 def from_triangles(vertices: Float64, *, double_sided: bool = False) -> Surface:
     """A surface of bare opaque triangles (t, 3, 3), as one instance; those of zero area are left out."""
-    corners, normals, areas, kept = _oriented(np.array(vertices, dtype=np.float64).reshape(-1, 3, 3))
+    corners, normals, areas, kept = oriented(np.array(vertices, dtype=np.float64).reshape(-1, 3, 3))
     zeros = np.zeros(len(kept), np.int32)
     return Surface(
         corners,
@@ -111,7 +111,7 @@ def _instance_surface(scene: Scene, index: int) -> Surface:
     instance = scene.instances[index]
     mesh = scene.meshes[instance.mesh]
     corners = transform_points(instance.world_from_local, mesh.positions)[_corner_rows(scene, index, mesh)]
-    corners, normals, areas, kept = _oriented(corners)
+    corners, normals, areas, kept = oriented(corners)
     material = _material(scene, mesh)
     return Surface(
         vertices=corners,
@@ -138,7 +138,7 @@ def _corner_rows(
     return rows[:, [0, 2, 1]] if mirrored else rows
 
 
-def _oriented(corners: Float64) -> tuple[Float64, Float64, Float64, Int32]:
+def oriented(corners: Float64) -> tuple[Float64, Float64, Float64, Int32]:
     """Corners, unit normals, areas and rows of the triangles whose area is not zero."""
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     double_areas = np.linalg.norm(cross, axis=1)

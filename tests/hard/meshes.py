@@ -102,7 +102,7 @@ def finer(mesh: HardMesh, longest: float) -> HardMesh:
 
 
 def one_triangle() -> HardMesh:
-    return np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
+    return np.array([[0.0, 0, 0], [1, 0, 0], [0.2, 0.7, 0]]), np.array([[0, 1, 2]])
 
 
 def isolated_triangles() -> HardMesh:
@@ -113,10 +113,10 @@ def isolated_triangles() -> HardMesh:
 
 
 def flat() -> HardMesh:
-    """A ring in a plane that no axis lies in."""
+    """An oval ring in a plane that no axis lies in."""
     vertices, triangles = of_trimesh(trimesh.creation.annulus(0.5, 1.0, 1.0, sections=48))
     on_top = np.all(vertices[triangles][:, :, 2] > 0.4, axis=1)
-    return turned((1, 2, 3), 0.7, vertices * [1, 1, 0]), triangles[on_top]
+    return turned((1, 2, 3), 0.7, vertices * [1, 0.8, 0]), triangles[on_top]
 
 
 def needle_rod() -> HardMesh:

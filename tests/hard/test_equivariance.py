@@ -1,0 +1,156 @@
+"""The same scene elsewhere, larger, turned or mirrored gives the same set there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from fit.canonical import Pose, find_pose, moved_scene, to_canonical, world_primitives
+from fit.measure import Metrics, measure
+from fit.primitives import PrimitiveSet
+from fit.scene import Camera, Scene
+from fit.solve import Fit, FitSettings, fit
+from fit.surface import from_scene
+
+QUICK = FitSettings(resolution=60, max_primitives=4)
+
+SEED = (1.9, 0.4, -1.5)
+"""A point of the furnished room's air, that no axis of symmetry goes through."""
+
+WITHIN, WITHIN_TURNED = 0.01, 0.05
+"""Relative changes that an error may show: after moves, mirroring and scale; after a rotation."""
+
+FLOOR, FLOOR_TURNED = 1e-7, 2e-4
+"""Changes that never count, as shares of the diagonal."""
+
+ERRORS = ("surface_to_set_mean_m", "set_to_surface_mean_m", "air_distance_error_m")
+
+
+@dataclass(frozen=True)
+class Home:
+    """A scene where it was made, its fit there, and whether its air is given by a seed."""
+
+    make: Callable[[np.ndarray], Scene]
+    fit: Fit
+    seeded: bool
+
+
+@pytest.fixture(scope="module")
+def homes(meshes: ModuleType) -> Callable[[str], Home]:
+    """Fits of the named meshes where they were made, each once."""
+    known: dict[str, Home] = {}
+
+    def home(name: str) -> Home:
+        if name not in known:
+            mesh, seeded = getattr(meshes, name)(), name == "furnished_room"
+
+            def make(matrix: np.ndarray) -> Scene:
+                return meshes.scene_of(mesh, matrix)
+
+            settings = replace(QUICK, air=(SEED,) if seeded else ())
+            known[name] = Home(make, fit(make(np.eye(4)), settings), seeded)
+        return known[name]
+
+    return home
+
+
+def fitted_at(home: Home, matrix: np.ndarray) -> Fit:
+    """The fit of the scene at a place, its seed there too."""
+    seeds = (tuple((matrix @ [*SEED, 1.0])[:3].tolist()),) if home.seeded else ()
+    return fit(home.make(matrix), replace(QUICK, air=seeds))
+
+
+def brought_home(primitives: PrimitiveSet, matrix: np.ndarray) -> PrimitiveSet:
+    """A set at a place as it would be where the scene was made; mirrored places too."""
+    scale = np.abs(np.linalg.det(matrix[:3, :3])) ** (1 / 3)
+    turned = world_primitives(primitives, Pose(matrix[:3, :3].T / scale, np.zeros(3)))
+    origin = (turned.positions - matrix[:3, 3] @ matrix[:3, :3] / scale) / scale
+    return replace(turned, positions=origin, sizes=primitives.sizes / scale)
+
+
+def assert_same_errors(home: Home, away: Fit, matrix: np.ndarray, within: float, floor: float) -> None:
+    """By the figures that the fit itself reports, and by measuring its set against the scene at home."""
+    scale = np.abs(np.linalg.det(matrix[:3, :3])) ** (1 / 3)
+    there = brought_home(away.primitives, matrix)
+    again = measure(there, home.fit.surface, home.fit.air)
+    for figures, unit in ((away.metrics, scale), (again, 1.0)):
+        assert_close(figures, home.fit.metrics, unit, within, floor)
+
+
+def assert_close(got: Metrics, expected: Metrics, unit: float, within: float, floor: float) -> None:
+    for name in ERRORS:
+        before, after = getattr(expected, name), getattr(got, name) / unit
+        assert abs(after - before) <= max(within * before, floor * expected.diag_m), name
+    for name in ("leaks", "blocked", "false_solid"):
+        assert getattr(got, name) == pytest.approx(getattr(expected, name), abs=2e-3), name
+
+
+FAST, SLOW = ("furnished_room",), ("table", "lumpy_ball")
+BASES = [*FAST, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_every_place_gives_the_same_errors(
+    place: str, base: str, homes: Callable[[str], Home], meshes: ModuleType
+) -> None:
+    matrix = meshes.PLACES[place]
+    home = homes(base)
+    assert_same_errors(home, fitted_at(home, matrix), matrix, WITHIN, FLOOR)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("base", [*FAST, *SLOW])
+@pytest.mark.parametrize("seed", range(4))
+def test_every_rotation_gives_the_same_errors(
+    seed: int, base: str, homes: Callable[[str], Home], meshes: ModuleType
+) -> None:
+    matrix = meshes.any_rotation(np.random.default_rng(seed))
+    home = homes(base)
+    assert_same_errors(home, fitted_at(home, matrix), matrix, WITHIN_TURNED, FLOOR_TURNED)
+
+
+def test_canonical_coordinates_are_the_same_wherever_a_scene_stands(place: str, meshes: ModuleType) -> None:
+    """To rounding: 1e-10 of the diagonal, with every mesh whose directions a face tells."""
+    matrix = meshes.PLACES[place]
+    for make in (meshes.table, meshes.lumpy_ball, meshes.furnished_room, *meshes.MESHES.values()):
+        mesh = make()
+        home, away = (to_canonical(meshes.scene_of(mesh, at)) for at in (np.eye(4), matrix))
+        unit = away[2].diagonal / home[2].diagonal
+        np.testing.assert_allclose(
+            away[2].vertices / unit, home[2].vertices, rtol=0, atol=1e-9 * home[2].diagonal
+        )
+        np.testing.assert_allclose(away[2].normals, home[2].normals, atol=1e-6)
+        # The scene agrees with its surface, fronts of mirrored ones too.
+        np.testing.assert_allclose(from_scene(away[1]).normals, away[2].normals, atol=1e-6)
+
+
+def test_a_mirrored_file_stands_like_the_file(meshes: ModuleType) -> None:
+    """Mirrored vertices with turned faces, as programs write them, not a mirrored node."""
+    vertices, triangles = meshes.furnished_room()
+    mirrored = (vertices * [-1, 1, 1], triangles[:, ::-1])
+    home, away = (to_canonical(meshes.scene_of(mesh))[2] for mesh in ((vertices, triangles), mirrored))
+    np.testing.assert_allclose(np.sort(away.vertices, axis=1), np.sort(home.vertices, axis=1), atol=1e-9)
+    np.testing.assert_allclose(away.normals, home.normals, atol=1e-9)
+
+
+def test_axes_follow_the_faces_of_noisy_rooms(meshes: ModuleType) -> None:
+    """Noise on every vertex turns the axes by less than half a degree."""
+    room = meshes.finer(meshes.box((5.0, 2.5, 4.0)), 0.6)
+    turn = meshes.turned_by((1, 2, 3), 0.7)
+    noisy = meshes.noise(0.001)(*room, np.random.default_rng(0))
+    axes = find_pose(from_scene(meshes.scene_of(noisy, turn))).axes
+    aligned = np.abs(turn[:3, :3].T @ axes).max(axis=0)
+    assert aligned.min() > np.cos(np.radians(0.5))
+
+
+def test_moved_scenes_keep_their_cameras(meshes: ModuleType) -> None:
+    scene = meshes.scene_of(meshes.table(), cameras=[(1, 2, 3)])
+    pose = Pose(np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]), np.array([1.0, 1, 1]))
+    (camera,) = moved_scene(scene, pose).cameras
+    assert isinstance(camera, Camera)
+    np.testing.assert_allclose(camera.world_from_local[:3, 3], (1, 2, 0))
+    np.testing.assert_allclose(pose.outwards(camera.world_from_local[:3, 3]), (1, 2, 3))
