@@ -13,8 +13,7 @@ from typing import cast
 import numpy as np
 
 from fit.air import LostSeed, find_air, parse_seed
-from fit.bodies import fit_body
-from fit.build import STEPS, Scope, Sources, build
+from fit.build import STEPS, Enough, Scope, build
 from fit.canonical import (
     Pose,
     TurnedAir,
@@ -26,92 +25,29 @@ from fit.canonical import (
     world_surface,
 )
 from fit.color import color
-from fit.fit_parts import PartFits, fit_parts
+from fit.fit_parts import fit_parts
 from fit.glow import find_glow
-from fit.grow import make_lattice, propose_boxes
 from fit.keep import emissive_parts, skip_small_parts
 from fit.measure import Metrics, PrimitiveError, measure, measure_each, place_probes
 from fit.objective import Targets, error, set_distances
-from fit.orient import find_frames
 from fit.paint import paint
 from fit.palette import find_palette
 from fit.primitives import PrimitiveSet
-from fit.regions import find_regions, propose_slabs
 from fit.scene import Scene
-from fit.shapes import KINDS, Shapes, no_shapes, to_primitives
-from fit.solid import Solid, find_solid, inside_targets
+from fit.settings import COARSE, FINE, GAIN_BY_DEFAULT, GAIN_WITH_BUDGET, FitSettings
+from fit.shapes import Shapes, no_shapes, to_primitives
+from fit.solid import inside_targets
+from fit.sources import exact_whole, find_sources, whole_solid
 from fit.spaces import Air
 from fit.split import split
 from fit.surface import Surface
-from fit.targets import Seen, along_a_curve, make_targets, see_surface
+from fit.targets import along_a_curve, make_targets, see_surface
 
-BYTES_PER_PRIMITIVE = 64
+__all__ = ["COARSE", "FINE", "STEPS", "Fit", "FitSettings", "Progress", "find_scene_air", "fit"]
+
 SURFACE_SAMPLES, AIR_SAMPLES, INSIDE_SAMPLES = 12_000, 16_000, 8_000
 
 Progress = Callable[[str, float], None]
-
-
-@dataclass(frozen=True)
-class FitSettings:
-    """What to fit. Without any budget the count follows the scene, up to 128.
-
-    max_primitives, max_bytes (64 a primitive): hard caps; preset: 'coarse' or 'fine' sets `max_primitives`
-    and `skip_below` where they are not given; max_error: metres that 95 % of the seen surface must lie within
-    of the set; skip_below: share of the projected area under which a part gets no primitive; air: seeds,
-    'outside' or 'x,y,z'; resolution: cells of the air's grid along the bounding diagonal; kinds: those that
-    may stand in the set; steps: those of the method's optional steps, `STEPS`, that are taken.
-    """
-
-    max_primitives: int | None = None
-    max_bytes: int | None = None
-    max_error: float | None = None
-    preset: str | None = None
-    air: tuple[str | tuple[float, float, float], ...] = ()
-    seed: int = 0
-    resolution: float = 180
-    skip_below: float | None = None
-    kinds: tuple[str, ...] = KINDS
-    steps: tuple[str, ...] = STEPS
-
-    def __post_init__(self) -> None:
-        if self.preset is not None and self.preset not in PRESETS:
-            raise ValueError(f"preset {self.preset!r}: expected one of {', '.join(PRESETS)}")
-        for name, known in (("kinds", KINDS), ("steps", STEPS)):
-            unknown = [item for item in getattr(self, name) if item not in known]
-            if unknown:
-                raise ValueError(f"{name} {', '.join(unknown)}: expected some of {', '.join(known)}")
-        for name, least in (("max_primitives", 1), ("max_bytes", BYTES_PER_PRIMITIVE), ("max_error", 0)):
-            value = getattr(self, name)
-            if value is not None and not value >= least:
-                raise ValueError(f"{name} {value}: expected at least {least}")
-
-    def limit(self) -> int:
-        """Most primitives that any of the caps allows."""
-        preset = PRESETS[self.preset][0] if self.preset else None
-        free = MOST_FOR_ERROR if self.max_error is not None else MOST_BY_DEFAULT
-        wanted = self.max_primitives or preset or free
-        return min(wanted, self.max_bytes // BYTES_PER_PRIMITIVE) if self.max_bytes else wanted
-
-    def least_share(self) -> float:
-        """Projected area under which a part is skipped."""
-        if self.skip_below is not None:
-            return self.skip_below
-        return PRESETS[self.preset][1] if self.preset else SKIP_BY_DEFAULT
-
-    def least_gain(self) -> float:
-        """Share of the empty set's error that one more primitive must take off."""
-        budgeted = self.max_primitives or self.preset or self.max_error is not None
-        return GAIN_WITH_BUDGET if budgeted else GAIN_BY_DEFAULT
-
-
-PRESETS = {"coarse": (48, 0.005), "fine": (192, 0.0005)}
-"""Primitives at most, and the projected area under which a part is skipped."""
-
-MOST_BY_DEFAULT, MOST_FOR_ERROR = 128, 512
-SKIP_BY_DEFAULT = 0.001
-GAIN_BY_DEFAULT, GAIN_WITH_BUDGET = 2e-4, 2e-5
-
-COARSE, FINE = FitSettings(preset="coarse"), FitSettings(preset="fine")
 
 
 @dataclass(frozen=True)
@@ -151,7 +87,7 @@ def fit(
         parts = split(scene, air.walls)
         wanted, weights, skipped = skip_small_parts(parts, air.walls, seen, settings.least_share())
         targets = make_targets(seen, air, weights, AIR_SAMPLES, settings.seed)
-        solid = _whole_solid(air, seen) if "bodies" in settings.steps else None
+        solid = whole_solid(air, seen) if "bodies" in settings.steps else None
         if solid:
             targets = along_a_curve(inside_targets(targets, air, solid, INSIDE_SAMPLES, settings.seed))
         glow = find_glow(scene, air, settings.seed)
@@ -159,13 +95,12 @@ def fit(
         parts_fits = fit_parts(air, parts, wanted, targets, seen.samples.triangle)
         fixed = emissive_parts(glow, air, parts, MOST_LAMPS)
     with stages("build"):
-        whole = no_shapes() if len(fixed) else _whole(parts_fits, settings)
+        whole = no_shapes() if len(fixed) else exact_whole(parts_fits, settings)
         shapes = whole if len(whole) else build(
-            targets, _sources(air, seen, targets, parts_fits, solid, settings), fixed,
-            limit=settings.limit(), least_gain=settings.least_gain(), max_step=STEP_CELLS * air.cell,
-            seed=settings.seed,
-            scope=Scope(settings.kinds, settings.steps),
-            good_enough=_within(targets, settings.max_error, pose.unit), progress=stages.fraction,
+            targets, find_sources(air, seen, targets, parts_fits, solid, settings), fixed,
+            limit=settings.limit(), enough=_enough(targets, settings, pose.unit),
+            max_step=STEP_CELLS * air.cell, scope=Scope(settings.kinds, settings.steps),
+            seed=settings.seed, progress=stages.fraction,
         )  # fmt: skip
     with stages("color"):
         palette = find_palette(scene, air, seen, targets.reach)
@@ -185,6 +120,12 @@ def fit(
         tuple(world_lengths(one, pose) for one in errors), _in_metres(skipped, pose.unit), stages.seconds,
         _notes(shapes, settings, targets, pose.unit) + outer.notes(),
     )  # fmt: skip
+
+
+def find_scene_air(scene: Scene, settings: FitSettings = FitSettings()) -> TurnedAir:
+    """The air that `fit` finds, to be given to several fits of one scene."""
+    pose, scene, surface = to_canonical(scene)
+    return world_air(_canonical_air(None, pose, scene, surface, settings), pose)
 
 
 def _in_metres(skipped: list[dict[str, object]], unit: float) -> list[dict[str, object]]:
@@ -209,54 +150,15 @@ MOST_LAMPS = 16
 STEP_CELLS = 1.5
 """Farthest that a face may move in one pass of the refinement."""
 
-PART_BONUS, EXACT_BONUS = 1.1, 1.5
-"""Factors on the gain of candidates that stand for a whole part, and of those that are it exactly."""
 
-
-LEAST_BODY = 0.95
-"""Of the seen surface, that a solid must bound to compete as a complete set made from its volume."""
-
-
-def _whole_solid(air: Air, seen: Seen) -> Solid | None:
-    """The solid that the seen surface bounds, where it is closed."""
-    solid = find_solid(air)
-    if solid is None:
-        return None
-    bounds = solid.tree.nearest(seen.samples.points)[0] < 1e-3 * air.cell
-    return solid if seen.weights @ bounds >= LEAST_BODY * seen.weights.sum() else None
-
-
-def _sources(
-    air: Air, seen: Seen, targets: Targets, parts: PartFits, solid: Solid | None, settings: FitSettings
-) -> Sources:
-    """Where the set's shapes come from."""
-    frames = find_frames(seen.normals, seen.weights)
-    lattices = [make_lattice(air, frame, air.cell, *air.walls.bounds) for frame in frames]
-    regions = find_regions(air, targets, seed=settings.seed)
-    proposers = {
-        "growing": lambda distances, rng: propose_boxes(lattices, targets, distances, rng),
-        "regions": lambda distances, rng: propose_slabs(regions, targets, distances),
-    }
-    bonus = np.where(parts.shapes.exact, EXACT_BONUS, PART_BONUS)
-    if solid is None:
-        return Sources(parts.shapes, bonus, proposers)
-    return Sources(
-        parts.shapes, bonus, proposers, body=lambda size: fit_body(solid, air, size, seed=settings.seed)
-    )
-
-
-def _whole(parts: PartFits, settings: FitSettings) -> Shapes:
-    """The exact primitives that the scene is made of, where the settings admit them all; else none."""
-    kinds = {KINDS[kind] for kind in parts.whole.kinds}
-    admitted = len(parts.whole) <= settings.limit() and kinds <= set(settings.kinds)
-    return parts.whole if admitted else no_shapes()
-
-
-def _within(targets: Targets, max_error: float | None, unit: float) -> Callable[[Shapes], bool] | None:
-    if max_error is None:
-        return None
+def _enough(targets: Targets, settings: FitSettings, unit: float) -> Enough:
+    """When growth stops before the budget; `unit` metres are one of the targets' lengths."""
     surface = targets.select(np.flatnonzero(targets.is_surface))
-    return lambda shapes: unit * _surface_p95(shapes, surface) <= max_error
+    most = settings.max_error
+    return Enough(
+        settings.least_gain(), GAIN_WITH_BUDGET, settings.max_leaks,
+        lambda shapes: most is not None and unit * _surface_p95(shapes, surface) <= most,
+    )  # fmt: skip
 
 
 def _surface_p95(shapes: Shapes, surface: Targets) -> float:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from fit import gltf, solve
-from fit.air import find_air
+from fit.canonical import TurnedAir, world_air
 from fit.measure import Probes, measure, measure_each, place_probes
 from fit.objective import Targets, penalties
 from fit.primitives import Kind, PrimitiveSet
@@ -23,7 +23,6 @@ from fit.rays import RayCaster
 from fit.scene import Scene
 from fit.sdf import union_distance
 from fit.shapes import to_primitives
-from fit.spaces import Air
 from fit.surface import Surface, from_scene
 from fit.targets import make_targets, see_surface
 from pipelines.bench_fit_peers import VARIANTS, Peer, hulls, to_shapes
@@ -49,7 +48,7 @@ class Prepared:
 
     scene: Scene
     surface: Surface
-    air: Air
+    air: TurnedAir
     targets: Targets
     probes: Probes
 
@@ -63,8 +62,8 @@ def prepare(
     scene = gltf.load(file, scale=scale)
     load = clock.lap()
     progress("air", 0.3)
+    air = solve.find_scene_air(scene, solve.FitSettings(air=tuple(seeds)))
     surface = from_scene(scene)
-    air = find_air(surface, scene, seeds=tuple(seeds))
     found = clock.lap()
     progress("points", 0.8)
     fresh = seed + FRESH_SEED
@@ -166,13 +165,14 @@ class _Clock:
 
 def _write(store: Path, prepared: Prepared) -> None:
     """Pickles all but the ray caster, which holds native memory and is quick to build."""
-    bare: Any = replace(prepared.air, rays=None)  # type: ignore[arg-type]
+    bare: Any = replace(prepared.air.inner, rays=None)  # type: ignore[arg-type]
     with store.open("wb") as stream:
-        pickle.dump(replace(prepared, air=bare), stream, protocol=pickle.HIGHEST_PROTOCOL)
+        pickle.dump((replace(prepared, air=bare), prepared.air.pose), stream, pickle.HIGHEST_PROTOCOL)
 
 
 def _read(store: Path) -> Prepared:
     with store.open("rb") as stream:
-        prepared: Prepared = pickle.load(stream)
-    walls, tree = prepared.air.walls, prepared.air.tree
-    return replace(prepared, air=replace(prepared.air, rays=RayCaster(walls.vertices, tree)))
+        prepared, pose = pickle.load(stream)
+    inner = prepared.air
+    inner = replace(inner, rays=RayCaster(inner.walls.vertices, inner.tree))
+    return replace(prepared, air=world_air(inner, pose))
