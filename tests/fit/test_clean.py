@@ -7,7 +7,9 @@ import pytest
 import trimesh
 
 from fit import clean as mending
+from fit.air import find_air
 from fit.clean import NoMeshLab, clean, close_holes, decimate, wrap
+from fit.solid import find_solid
 from fit.surface import from_triangles
 from fit.volume import mesh_volume
 
@@ -20,6 +22,12 @@ def open_ball():
     """A ball without its lowest cap."""
     triangles = ball()
     return triangles[triangles[:, :, 1].mean(axis=1) > -0.9]
+
+
+def loose_ball():
+    """A ball of triangles that nowhere share a corner."""
+    middles = ball().mean(axis=1, keepdims=True)
+    return middles + 0.9 * (ball() - middles)
 
 
 def volume(triangles):
@@ -49,11 +57,8 @@ def test_a_lid_closes_a_hole():
 
 @pytest.mark.parametrize("offset", [0.0, 1e5])
 def test_the_wrap_closes_what_lids_cannot(offset):
-    """A ball of triangles that nowhere share a corner."""
-    loose = ball()
-    loose = loose.mean(axis=1, keepdims=True) + 0.9 * (loose - loose.mean(axis=1, keepdims=True))
-    assert volume(loose) is None
-    wrapped = wrap(loose + offset)
+    assert volume(loose_ball()) is None
+    wrapped = wrap(loose_ball() + offset)
     np.testing.assert_allclose(volume(wrapped), volume(ball()), rtol=0.03)
     np.testing.assert_allclose((wrapped.min(axis=(0, 1)) + wrapped.max(axis=(0, 1))) / 2, offset, atol=0.02)
 
@@ -73,3 +78,21 @@ def test_a_missing_library_is_named_with_what_installs_it(monkeypatch):
     monkeypatch.setattr(builtins, "__import__", refuse)
     with pytest.raises(NoMeshLab, match=r"libGL\.so\.1.*apt-get install libgl1 libopengl0"):
         mending.wrap(ball())
+
+
+# ------------------------------------------------------------------------------ bodies that have holes
+
+
+@pytest.mark.parametrize("body", [open_ball, loose_ball], ids=["a hole, for a lid", "cracks, to be wrapped"])
+def test_a_body_that_is_not_quite_closed_is_a_solid_all_the_same(body):
+    solid = find_solid(find_air(from_triangles(body()), resolution=60))
+    assert solid is not None
+    points = np.array([[0.0, 0, 0], [0, 0.9, 0], [0.6, -0.6, 0], [0, 1.1, 0], [0.8, 0.8, 0]])
+    assert solid.inside(points).tolist() == [True, True, True, False, False]
+
+
+def test_no_lid_is_put_on_a_bowl():
+    bowl = ball()
+    bowl = bowl[bowl[:, :, 1].max(axis=1) < 0.1]
+    both_sides = np.concatenate([bowl, 0.95 * bowl[:, ::-1]])
+    assert find_solid(find_air(from_triangles(both_sides), resolution=60)) is None
