@@ -12,7 +12,8 @@ between two rungs is the upper one's, less the shapes that it needs least.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from fit.choose import choose, offer, prune, without_least
 from fit.cut import cut_worst
 from fit.merge import thin_out
-from fit.objective import Targets, error, set_distances
+from fit.objective import Targets, error, leak_share, set_distances
 from fit.refine import refine
 from fit.scene import Float64
 from fit.shapes import KINDS, Shapes, are_of, join, no_shapes
@@ -33,6 +34,9 @@ BODY_RUNGS = (16, 24, 32, 64, 128, 256, 512)
 
 NEGLIGIBLE = 0.2
 """Of the softness of the error: a set of so small an error needs no more shapes."""
+
+CHOSEN_BY = 3
+"""One target of so many is looked at when candidates are chosen; whether a set is kept, all decide."""
 
 MOVED_SHARE = 1 / 10
 """Of the shapes: the least useful, which may move to where the error is largest at the end of a round."""
@@ -70,36 +74,51 @@ class Sources:
     body: Callable[[int], Shapes] | None = None
 
 
+@dataclass(frozen=True)
+class Enough:
+    """When to stop before the budget.
+
+    least_gain: share of the empty set's error that one more shape must take off, and `least_gain_leaking` as
+    long as more than the share `most_leaks` of the rays leak; good: whether a set is good enough as it is.
+    """
+
+    least_gain: float
+    least_gain_leaking: float = 0.0
+    most_leaks: float = 1.0
+    good: Callable[[Shapes], bool] = lambda shapes: False
+
+
 def build(
     targets: Targets,
     sources: Sources,
     fixed: Shapes,
     *,
     limit: int,
-    least_gain: float,
     max_step: float,
+    enough: Enough,
     scope: Scope = EVERYTHING,
-    good_enough: Callable[[Shapes], bool] | None = None,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> Shapes:
     """At most `limit` shapes, the `fixed` ones first and unchanged.
 
-    least_gain: share of the empty set's error that one more shape must take off; max_step: farthest that a
-    face may move in one refinement; good_enough: an end before.
+    max_step: farthest that a face may move in one refinement.
     """
-    least = least_gain * max(error(no_shapes(), targets), np.finfo(float).tiny)
-    growth = _Growth(targets, sources, scope, len(fixed), least, max_step, np.random.default_rng(seed))
+    empty = max(error(no_shapes(), targets), np.finfo(float).tiny)
+    rng = np.random.default_rng(seed)
+    growth = _Growth(targets, sources, scope, len(fixed), enough.least_gain * empty, max_step, rng)
     lower, upper = no_shapes(), fixed
     for rung in (r for r in RUNGS if r > len(fixed)):
         lower, upper = upper, growth.climb(upper, rung)
         if progress:
             progress(min(1.0, len(upper) / limit))
-        if len(upper) <= len(lower) or len(upper) >= limit or (good_enough and good_enough(upper)):
+        if len(upper) >= limit or growth.error(upper) <= NEGLIGIBLE * targets.soft or enough.good(upper):
             break
-        if growth.error(upper) <= NEGLIGIBLE * targets.soft:
+        if len(upper) < rung and leak_share(upper, targets) > enough.most_leaks:
+            growth.least = min(growth.least, enough.least_gain_leaking * empty)
+        elif len(upper) <= len(lower):
             break
-    return growth.descend(upper, lower, limit)
+    return growth.descend(upper, lower, limit, enough)
 
 
 @dataclass
@@ -114,6 +133,12 @@ class _Growth:
     max_step: float
     rng: np.random.Generator
     proposed: Shapes | None = None
+
+    @cached_property
+    def thinned(self) -> Targets:
+        """One target of `CHOSEN_BY`, which stands for them all."""
+        few = self.targets.select(slice(None, None, CHOSEN_BY))
+        return replace(few, weights=few.weights * CHOSEN_BY)
 
     def climb(self, shapes: Shapes, size: int) -> Shapes:
         """A set of at most `size` shapes and of no larger error."""
@@ -138,20 +163,26 @@ class _Growth:
         """The boxes of the largest error of their own cut in two, while the set is short."""
         return cut_worst(shapes, self.targets, self._refined, most=size, kept=self.kept)
 
-    def descend(self, shapes: Shapes, lower: Shapes, limit: int) -> Shapes:
+    def descend(self, shapes: Shapes, lower: Shapes, limit: int, enough: Enough) -> Shapes:
         """At most `limit` shapes between two rungs: no better than `shapes`, no worse than `lower`."""
-        while len(shapes) > limit:
+        while len(shapes) > limit or (enough.good(shapes) and len(shapes) > max(self.kept, len(lower))):
             fewer, heirs = without_least(shapes, self.targets, self.kept)
             refined = self._refined(fewer, heirs)
-            shapes = refined if self.error(refined) >= self.error(shapes) else fewer
+            fewer = refined if self.error(refined) >= self.error(shapes) else fewer
+            if len(shapes) <= limit and not enough.good(fewer):
+                break
+            shapes = fewer
+        if enough.good(shapes):
+            return shapes
         return self._better(shapes, lower) if len(lower) <= limit else shapes
 
     def _filled(self, shapes: Shapes, size: int) -> Shapes:
         """The set with the candidates that pay, up to `size`, refined; shapes that do harm are left out."""
         distances = set_distances(shapes, self.targets)
         candidates, bonus = self._candidates(distances)
-        offers = offer(candidates, bonus, self.targets, distances)
-        chosen = choose(offers, self.targets, distances, count=size - len(shapes), least_gain=self.least)
+        thinned = distances[::CHOSEN_BY]
+        offers = offer(candidates, bonus, self.thinned, thinned)
+        chosen = choose(offers, self.thinned, thinned, count=size - len(shapes), least_gain=self.least)
         grown = join([shapes, candidates.select(np.array(chosen, np.int64))])
         return prune(self._refined(grown), self.targets, least_gain=0.0, kept=self.kept)
 

@@ -181,6 +181,12 @@ def set_distances(shapes: Shapes, targets: Targets) -> Float64:
     return distances
 
 
+def leak_share(shapes: Shapes, targets: Targets) -> float:
+    """Share of the rays that leak."""
+    rays = targets.select(targets.is_ray)
+    return float((set_distances(shapes, rays) > targets.soft).mean()) if len(rays) else 0.0
+
+
 def error(shapes: Shapes, targets: Targets) -> float:
     """E(S)."""
     return float(penalties(targets, set_distances(shapes, targets)).sum())

@@ -34,7 +34,7 @@ from fit.paint import paint
 from fit.palette import find_palette
 from fit.primitives import PrimitiveSet
 from fit.scene import Scene
-from fit.settings import COARSE, FINE, GAIN_BY_DEFAULT, GAIN_WITH_BUDGET, FitSettings
+from fit.settings import COARSE, DEFAULT, FINE, GAIN_BY_DEFAULT, GAIN_WITH_BUDGET, FitSettings
 from fit.shapes import Shapes, no_shapes, to_primitives
 from fit.solid import inside_targets
 from fit.sources import exact_whole, find_sources, whole_solid
@@ -67,7 +67,7 @@ class Fit:
 
 def fit(
     scene: Scene,
-    settings: FitSettings = FitSettings(),
+    settings: FitSettings = DEFAULT,
     progress: Progress | None = None,
     *,
     air: Air | None = None,
@@ -122,7 +122,7 @@ def fit(
     )  # fmt: skip
 
 
-def find_scene_air(scene: Scene, settings: FitSettings = FitSettings()) -> TurnedAir:
+def find_scene_air(scene: Scene, settings: FitSettings = DEFAULT) -> TurnedAir:
     """The air that `fit` finds, to be given to several fits of one scene."""
     pose, scene, surface = to_canonical(scene)
     return world_air(_canonical_air(None, pose, scene, surface, settings), pose)

@@ -1,0 +1,77 @@
+"""What a fit may be asked for: budgets, presets, which space is air."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fit.build import STEPS
+from fit.shapes import KINDS
+
+BYTES_PER_PRIMITIVE = 64
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """What to fit. Without any budget the count follows the scene, up to 128.
+
+    max_primitives, max_bytes (64 a primitive): hard caps; preset: 'coarse' or 'fine' sets `max_primitives`
+    and `skip_below` where they are not given; max_error: metres that 95 % of the seen surface must lie within
+    of the set; max_leaks: share of the rays that may leak, above which growth goes on for smaller gains;
+    skip_below: share of the projected area under which a part gets no primitive; air: seeds,
+    'outside' or 'x,y,z'; resolution: cells of the air's grid along the bounding diagonal; kinds: those that
+    may stand in the set; steps: those of the method's optional steps, `STEPS`, that are taken.
+    """
+
+    max_primitives: int | None = None
+    max_bytes: int | None = None
+    max_error: float | None = None
+    max_leaks: float = 1.0
+    preset: str | None = None
+    air: tuple[str | tuple[float, float, float], ...] = ()
+    seed: int = 0
+    resolution: float = 180
+    skip_below: float | None = None
+    kinds: tuple[str, ...] = KINDS
+    steps: tuple[str, ...] = STEPS
+
+    def __post_init__(self) -> None:
+        if self.preset is not None and self.preset not in PRESETS:
+            raise ValueError(f"preset {self.preset!r}: expected one of {', '.join(PRESETS)}")
+        for name, known in (("kinds", KINDS), ("steps", STEPS)):
+            unknown = [item for item in getattr(self, name) if item not in known]
+            if unknown:
+                raise ValueError(f"{name} {', '.join(unknown)}: expected some of {', '.join(known)}")
+        bounds = {"max_primitives": 1, "max_bytes": BYTES_PER_PRIMITIVE, "max_error": 0, "max_leaks": 0}
+        for name, least in bounds.items():
+            value = getattr(self, name)
+            if value is not None and not value >= least:
+                raise ValueError(f"{name} {value}: expected at least {least}")
+
+    def limit(self) -> int:
+        """Most primitives that any of the caps allows."""
+        preset = PRESETS[self.preset][0] if self.preset else None
+        free = MOST_FOR_ERROR if self.max_error is not None else MOST_BY_DEFAULT
+        wanted = self.max_primitives or preset or free
+        return min(wanted, self.max_bytes // BYTES_PER_PRIMITIVE) if self.max_bytes else wanted
+
+    def least_share(self) -> float:
+        """Projected area under which a part is skipped."""
+        if self.skip_below is not None:
+            return self.skip_below
+        return PRESETS[self.preset][1] if self.preset else SKIP_BY_DEFAULT
+
+    def least_gain(self) -> float:
+        """Share of the empty set's error that one more primitive must take off."""
+        budgeted = self.max_primitives or self.preset or self.max_error is not None
+        return GAIN_WITH_BUDGET if budgeted else GAIN_BY_DEFAULT
+
+
+PRESETS = {"coarse": (48, 0.005), "fine": (192, 0.0005)}
+"""Primitives at most, and the projected area under which a part is skipped."""
+
+MOST_BY_DEFAULT, MOST_FOR_ERROR = 128, 512
+SKIP_BY_DEFAULT = 0.001
+GAIN_BY_DEFAULT, GAIN_WITH_BUDGET = 2e-4, 2e-5
+"""Share of the empty set's error that one more primitive must take off, by default and with a budget."""
+
+DEFAULT, COARSE, FINE = FitSettings(), FitSettings(preset="coarse"), FitSettings(preset="fine")

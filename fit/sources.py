@@ -1,0 +1,60 @@
+"""Where the shapes of a set come from: parts, grown boxes, slabs along regions, a body's own fit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fit.bodies import fit_body
+from fit.build import Sources
+from fit.fit_parts import PartFits
+from fit.grow import make_lattice, propose_boxes
+from fit.objective import Targets
+from fit.orient import find_frames
+from fit.regions import find_regions, propose_slabs
+from fit.settings import FitSettings
+from fit.shapes import KINDS, Shapes, no_shapes
+from fit.solid import Solid, find_solid
+from fit.spaces import Air
+from fit.targets import Seen
+
+PART_BONUS, EXACT_BONUS = 1.1, 1.5
+"""Factors on the gain of candidates that stand for a whole part, and of those that are it exactly."""
+
+
+LEAST_BODY = 0.95
+"""Of the seen surface, that a solid must bound to compete as a complete set made from its volume."""
+
+
+def whole_solid(air: Air, seen: Seen) -> Solid | None:
+    """The solid that the seen surface bounds, where it is closed."""
+    solid = find_solid(air)
+    if solid is None:
+        return None
+    bounds = solid.tree.nearest(seen.samples.points)[0] < 1e-3 * air.cell
+    return solid if seen.weights @ bounds >= LEAST_BODY * seen.weights.sum() else None
+
+
+def find_sources(
+    air: Air, seen: Seen, targets: Targets, parts: PartFits, solid: Solid | None, settings: FitSettings
+) -> Sources:
+    """Where the set's shapes come from."""
+    frames = find_frames(seen.normals, seen.weights)
+    lattices = [make_lattice(air, frame, air.cell, *air.walls.bounds) for frame in frames]
+    regions = find_regions(air, targets, seed=settings.seed)
+    proposers = {
+        "growing": lambda distances, rng: propose_boxes(lattices, targets, distances, rng),
+        "regions": lambda distances, rng: propose_slabs(regions, targets, distances),
+    }
+    bonus = np.where(parts.shapes.exact, EXACT_BONUS, PART_BONUS)
+    if solid is None:
+        return Sources(parts.shapes, bonus, proposers)
+    return Sources(
+        parts.shapes, bonus, proposers, body=lambda size: fit_body(solid, air, size, seed=settings.seed)
+    )
+
+
+def exact_whole(parts: PartFits, settings: FitSettings) -> Shapes:
+    """The exact primitives that the scene is made of, where the settings admit them all; else none."""
+    kinds = {KINDS[kind] for kind in parts.whole.kinds}
+    admitted = len(parts.whole) <= settings.limit() and kinds <= set(settings.kinds)
+    return parts.whole if admitted else no_shapes()
