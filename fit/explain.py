@@ -11,10 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fit.facets import Int64, find_facets, find_patches
-from fit.patches import Fragment, Patches, fit_patch, gather, join_facets
+from fit.facets import Facets, Int64, find_facets, find_patches
+from fit.flush import Solid, flush_boxes
+from fit.fragments import fit_patch, fit_round, join_facets
+from fit.patches import Fragment, Patches, gather
+from fit.rounds import WIDEST_TURN
 from fit.scene import Float64
-from fit.shapes import Shapes, distances_to_one, join, no_shapes
+from fit.shapes import Shapes, distances_to_one, join, no_shapes, right_handed
 
 TOLERANCES = (5e-7, 1e-5, 1e-4)
 """Of the diagonal, the finest first: vertices in float32, far from their origin, or quantised."""
@@ -30,6 +33,12 @@ MOST_UNEXPLAINED = 0.005
 
 _FAILURES = 8
 """Of the largest patches that fit nothing: then the shell is no union of primitives."""
+
+_FRAMES = 4
+"""Frames of boxes with flush faces in one shell."""
+
+_FEWEST_SMOOTH = 3
+"""Facets that a round side shows at least."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +96,8 @@ def _explain_unit(corners: Float64, tolerance: float) -> Explanation:
 
 def _explain_shell(patches: Patches, own: Int64) -> list[Fragment]:
     """Fragments of the patches of one shell, joined; none unless they explain nearly all of it."""
-    areas = np.bincount(patches.of_facet, patches.facets.areas, len(patches))
+    facets = patches.facets
+    areas = np.bincount(patches.of_facet, facets.areas, len(patches))
     own = own[np.argsort(-areas[own], kind="stable")]
     if len(own) > MOST_PATCHES:
         return []
@@ -103,21 +113,25 @@ def _explain_shell(patches: Patches, own: Int64) -> list[Fragment]:
     samples = _samples(patches, own)
     fragments = _join_fragments(patches, fragments, samples)
     fragments, loose = _absorb(patches, fragments, loose, samples)
-    if areas[loose].sum() > MOST_UNEXPLAINED * areas[own].sum():
-        return []
-    return fragments
+    left = np.flatnonzero(np.isin(patches.of_facet, loose))
+    most = MOST_UNEXPLAINED * areas[own].sum()
+    if facets.areas[left].sum() > most:
+        fragments = _separate(patches, fragments, left, samples, own)
+        left = _unclaimed(fragments, left)
+    return fragments if facets.areas[left].sum() <= most else []
 
 
 def _samples(patches: Patches, own: Int64) -> Float64:
     """Points (p, 3) of a shell: what lies within a primitive makes it no part of the solid."""
-    facets = patches.facets
-    in_shell = np.zeros(len(patches), bool)
-    in_shell[own] = True
-    rows = np.flatnonzero(facets.of_triangle >= 0)
-    rows = rows[in_shell[patches.of_facet[facets.of_triangle[rows]]]]
-    corners = facets.points[facets.triangles[rows]]
+    corners = patches.facets.points[patches.facets.triangles[_triangles(patches, own)]]
     middles = (corners + np.roll(corners, 1, axis=1)) / 2
     return np.concatenate([corners.reshape(-1, 3), middles.reshape(-1, 3), corners.mean(axis=1)])
+
+
+def _triangles(patches: Patches, own: Int64) -> Int64:
+    """Rows of the triangles of patches."""
+    rows = np.flatnonzero(patches.facets.of_triangle >= 0)
+    return rows[np.isin(patches.of_facet[patches.facets.of_triangle[rows]], own)]
 
 
 def _is_empty(fragment: Fragment, samples: Float64, tolerance: float) -> bool:
@@ -155,3 +169,87 @@ def _absorb(
         else:
             left.append(patch)
     return fragments, left
+
+
+# ------------------------------------------------------------------------------------------- flush faces
+
+
+def _separate(
+    patches: Patches, fragments: list[Fragment], left: Int64, samples: Float64, own: Int64
+) -> list[Fragment]:
+    """Primitives of the facets `left`, of which coplanar faces are one: round sides first, then the boxes."""
+    facets = patches.facets
+    fragments = [*fragments, *_round_sides(patches, left, samples)]
+    left = _unclaimed(fragments, left)
+    rows = _triangles(patches, own)
+    normals = facets.normals[facets.of_triangle[rows]]
+    solid = Solid(facets.points[facets.triangles[rows]], normals, samples, facets.tolerance)
+    for _ in range(_FRAMES):
+        frame = _main_frame(facets, left)
+        if frame is None:
+            break
+        turned = np.abs(facets.normals[left] @ frame).max(axis=1)
+        aligned = left[turned > 1 - 1e-8 - facets.slack()[left] ** 2]
+        local = patches.corners(aligned) @ frame
+        first = patches.corner_rows(aligned)[1]
+        ends = np.concatenate([np.minimum.reduceat(local, first), np.maximum.reduceat(local, first)])
+        found = flush_boxes(solid, ends, frame, fragments)
+        if not found:
+            break
+        fragments, rest = _claim(patches, fragments + found, left)
+        if len(rest) == len(left):
+            break
+        left = rest
+    return fragments
+
+
+def _unclaimed(fragments: list[Fragment], rows: Int64) -> Int64:
+    """Facets that lie on no fragment."""
+    return np.setdiff1d(rows, np.concatenate([np.zeros(0, np.int64), *(f.facets for f in fragments)]))
+
+
+def _round_sides(patches: Patches, left: Int64, samples: Float64) -> list[Fragment]:
+    """Cylinders and spheres of the smooth groups among facets."""
+    facets = patches.facets
+    inside = np.zeros(len(facets), bool)
+    inside[left] = True
+    smooth = inside[facets.pair].all(axis=1) & (facets.angles < WIDEST_TURN)
+    again = gather(facets, find_patches(facets, smooth))
+    sizes = np.bincount(again.of_facet[left], minlength=len(again))
+    found = [fit_round(again, int(group)) for group in np.flatnonzero(sizes >= _FEWEST_SMOOTH)]
+    kept = [f for f in found if f is not None and _is_empty(f, samples, facets.tolerance)]
+    return _join_fragments(again, kept, samples)
+
+
+def _main_frame(facets: Facets, rows: Int64) -> Float64 | None:
+    """Frame (3, 3) of the largest facet and the largest one at right angles to it; None without one."""
+    rows = rows[facets.slack()[rows] < 1e-3]
+    if len(rows) == 0:
+        return None
+    order = rows[np.argsort(-facets.areas[rows], kind="stable")]
+    normals = facets.normals[order]
+    across = np.flatnonzero(np.abs(normals @ normals[0]) <= facets.slack()[order] + 1e-5)
+    if len(across) == 0:
+        return None
+    return right_handed(np.stack([normals[0], normals[across[0]]], axis=1))
+
+
+def _claim(patches: Patches, fragments: list[Fragment], left: Int64) -> tuple[list[Fragment], Int64]:
+    """Fragments with the facets of `left` that lie on their faces, be it piece by piece; the facets left."""
+    facets = patches.facets
+    reach = 20 * facets.tolerance
+    rows = np.flatnonzero(np.isin(facets.of_triangle, left))
+    corners = facets.points[facets.triangles[rows]]
+    points = np.concatenate([corners, corners.mean(axis=1)[:, None]], axis=1).reshape(-1, 3)
+    off = np.array([np.abs(distances_to_one(f.shape(), 0, points)) for f in fragments])
+    astray = np.bincount(
+        facets.of_triangle[rows], (off.min(axis=0) > reach).reshape(-1, 4).any(axis=1), len(facets)
+    )
+    nearest = np.zeros(len(facets), np.int64)
+    nearest[facets.of_triangle[rows]] = off[:, 3::4].argmin(axis=0)
+    settled = left[astray[left] == 0]
+    fragments = [
+        replace(f, facets=np.concatenate([f.facets, settled[nearest[settled] == k]]))
+        for k, f in enumerate(fragments)
+    ]
+    return fragments, left[astray[left] > 0]

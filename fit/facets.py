@@ -298,8 +298,8 @@ def _assemble(
     )  # fmt: skip
 
 
-def find_patches(facets: Facets) -> Int64:
-    """Patch of each facet (f,): facets that hang together by edges which are clearly convex.
+def find_patches(facets: Facets, admitted: Bool | None = None) -> Int64:
+    """Patch of each facet (f,): facets that hang together by clearly convex edges, or those `admitted` (e,).
 
     Rounding turns edges of its own length any way, and facets without a direction of their own.
     """
@@ -308,4 +308,6 @@ def find_patches(facets: Facets) -> Int64:
     certain = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > _SHORT * facets.tolerance
     certain &= slack.max(axis=1, initial=0.0) <= _NARROW
     linked = certain & (facets.angles > slack.sum(axis=1))
+    if admitted is not None:
+        linked &= admitted
     return _components(len(facets), facets.pair[linked, 0], facets.pair[linked, 1])
