@@ -161,7 +161,9 @@ class _Growth:
 
     def _split(self, shapes: Shapes, size: int) -> Shapes:
         """The boxes of the largest error of their own cut in two, while the set is short."""
-        return cut_worst(shapes, self.targets, self._refined, most=size, kept=self.kept)
+        return cut_worst(
+            shapes, self.targets, self._refined, most=size, least_gain=self.least, kept=self.kept
+        )
 
     def descend(self, shapes: Shapes, lower: Shapes, limit: int, enough: Enough) -> Shapes:
         """At most `limit` shapes between two rungs: no better than `shapes`, no worse than `lower`."""

@@ -17,8 +17,10 @@ TRIED = 3
 Refine = Callable[[Shapes, NDArray[np.bool_]], Shapes]
 
 
-def cut_worst(shapes: Shapes, targets: Targets, refine: Refine, *, most: int, kept: int = 0) -> Shapes:
-    """The set with up to `TRIED` boxes cut in two, as long as there is room and E falls each time."""
+def cut_worst(
+    shapes: Shapes, targets: Targets, refine: Refine, *, most: int, least_gain: float = 0.0, kept: int = 0
+) -> Shapes:
+    """The set with up to `TRIED` boxes cut in two, as long as there is room and each takes enough off E."""
     table = distance_table(shapes, targets)
     own = np.bincount(table.argmin(axis=0), penalties(targets, table.min(axis=0)), len(shapes))
     can = (shapes.kinds == Kind.BOX) & ~shapes.exact & (np.arange(len(shapes)) >= kept)
@@ -33,7 +35,7 @@ def cut_worst(shapes: Shapes, targets: Targets, refine: Refine, *, most: int, ke
         free[[i, second]] = True
         trial = refine(trial, free)
         reached = error(trial, targets)
-        if reached < lowest:
+        if lowest - reached > least_gain:
             shapes, lowest = trial, reached
     return shapes
 
