@@ -7,6 +7,7 @@ the count is right; then, round by round, some of the least useful move to where
 
 from __future__ import annotations
 
+import heapq
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from fit.descend import descend_alone, descend_together
+from fit.inscribe import inscribe
 from fit.occupancy import BAND_CELLS, Occupancy, difference, distance_table, sample_occupancy, worths
 from fit.primitives import Kind
 from fit.scene import Float64
@@ -40,6 +42,12 @@ ROUNDS, SWAP_ROUND = 12, 3
 MOVED = 1 / 8
 """Share of the shapes that a round may move."""
 
+INSCRIBED_SEEDS, INSCRIBED_IN_GAPS = 150, 6
+"""Points inside that shapes are inscribed around, at the start and in a round."""
+
+CHOICE_POINTS = 5_000
+"""On which the first choice among many candidates is made."""
+
 _CLUSTER_POINTS = 5_000
 _LLOYD_STEPS = 12
 _LEAST_CLUSTER = 6
@@ -55,13 +63,17 @@ def fit_body(solid: Solid, air: Air, limit: int, *, given: Shapes | None = None,
     if not occupancy.inside.any():
         return given
     wide = replace(occupancy, band=BAND_CELLS * air.cell)
-    shapes = shrink(_start(wide, int(OVER * limit), given, rng), occupancy, limit, len(given))
-    shapes = descend_together(swap_kinds(shapes, occupancy, len(given)), occupancy, 12)
-    shapes = _move(shapes, occupancy, limit, len(given), rng)
+    count = int(OVER * limit)
+    starts = [_clustered(wide, count, given, rng), _inscribed(solid, wide, count, given, rng)]
+    best = min(starts, key=lambda shapes: difference(shapes, wide))
+    shapes = shrink(best, occupancy, limit, len(given))
+    swapped = descend_together(swap_kinds(shapes, occupancy, len(given)), occupancy, 12)
+    shapes = min(shapes, swapped, key=lambda s: difference(s, occupancy))
+    shapes = _move(solid, shapes, occupancy, limit, len(given), rng)
     return descend_together(shapes, final, 30)
 
 
-def _start(occupancy: Occupancy, count: int, given: Shapes, rng: np.random.Generator) -> Shapes:
+def _clustered(occupancy: Occupancy, count: int, given: Shapes, rng: np.random.Generator) -> Shapes:
     covered = distance_table(given, occupancy).min(axis=0, initial=np.inf) <= 0
     rows = np.flatnonzero(occupancy.inside & ~covered)
     if len(rows) == 0 or count <= len(given):
@@ -73,6 +85,49 @@ def _start(occupancy: Occupancy, count: int, given: Shapes, rng: np.random.Gener
     boxes = [of_moments(c, Kind.BOX) for c in clusters if len(c) >= _LEAST_CLUSTER]
     shapes = descend_together(join([given, *boxes]), occupancy, 10)
     return descend_together(swap_kinds(shapes, occupancy, len(given)), occupancy, 8)
+
+
+def _inscribed(
+    solid: Solid, occupancy: Occupancy, count: int, given: Shapes, rng: np.random.Generator
+) -> Shapes:
+    """The given shapes and those, of all inscribed around points inside, that together fill it best."""
+    rows = np.flatnonzero(occupancy.inside)
+    chance = occupancy.volumes[rows] / occupancy.volumes[rows].sum()
+    seeds = occupancy.points[rows[rng.choice(len(rows), INSCRIBED_SEEDS, p=chance)]]
+    share = min(1.0, CHOICE_POINTS / len(occupancy))
+    thin = occupancy.select(slice(None, None, max(1, round(1 / share))), share)
+    shapes = choose(given, inscribe(solid, seeds), thin, count - len(given))
+    return descend_together(shapes, occupancy, 15)
+
+
+def choose(shapes: Shapes, candidates: Shapes, occupancy: Occupancy, count: int) -> Shapes:
+    """The shapes and up to `count` candidates, each the one that then takes off most of the difference.
+
+    Lazy (Minoux 1978): a gain can hardly rise as others are taken.
+    """
+    distances = distance_table(shapes, occupancy).min(axis=0, initial=np.inf)
+    table = distance_table(candidates, occupancy)
+    rows = [np.flatnonzero(row < distances) for row in table]
+
+    def gain(i: int) -> float:
+        before = occupancy.differences_at(rows[i], distances[rows[i]])
+        after = occupancy.differences_at(rows[i], np.minimum(distances[rows[i]], table[i, rows[i]]))
+        return float((before - after).sum())
+
+    queue = [(-gain(i), i) for i in range(len(candidates))]
+    heapq.heapify(queue)
+    chosen: list[int] = []
+    while queue and len(chosen) < count:
+        _, i = heapq.heappop(queue)
+        fresh = gain(i)
+        if fresh <= 0:
+            continue
+        if queue and -fresh > queue[0][0]:
+            heapq.heappush(queue, (-fresh, i))
+            continue
+        chosen.append(i)
+        distances[rows[i]] = np.minimum(distances[rows[i]], table[i, rows[i]])
+    return join([shapes, candidates.select(np.array(chosen, np.int64))])
 
 
 def _lloyd(points: Float64, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
@@ -162,7 +217,9 @@ def shrink(shapes: Shapes, occupancy: Occupancy, limit: int, kept: int) -> Shape
     return shapes
 
 
-def _move(shapes: Shapes, occupancy: Occupancy, limit: int, kept: int, rng: np.random.Generator) -> Shapes:
+def _move(
+    solid: Solid, shapes: Shapes, occupancy: Occupancy, limit: int, kept: int, rng: np.random.Generator
+) -> Shapes:
     """Rounds in which the least useful shapes move to where most is missing, where that pays."""
     lowest = difference(shapes, occupancy)
     count = max(1, int(MOVED * len(shapes)))
@@ -170,7 +227,7 @@ def _move(shapes: Shapes, occupancy: Occupancy, limit: int, kept: int, rng: np.r
         worth = worths(shapes, occupancy)
         worth[:kept] = np.inf
         rest = shapes.select(np.sort(np.argsort(worth, kind="stable")[min(count, len(shapes) - kept) :]))
-        trial = add_missing(rest, occupancy, limit - len(rest), rng)
+        trial = add_missing(solid, rest, occupancy, limit - len(rest), rng)
         trial = descend_together(trial, occupancy, 12)
         if round == SWAP_ROUND:
             trial = descend_together(swap_kinds(trial, occupancy, kept), occupancy, 12)
@@ -185,26 +242,19 @@ def _move(shapes: Shapes, occupancy: Occupancy, limit: int, kept: int, rng: np.r
 SEEDS_PER_SHAPE, LEAST_SEEDS = 3, 20
 
 
-def add_missing(shapes: Shapes, occupancy: Occupancy, count: int, rng: np.random.Generator) -> Shapes:
-    """The set and up to `count` more shapes, fitted to what it leaves empty; the best ones."""
+def add_missing(
+    solid: Solid, shapes: Shapes, occupancy: Occupancy, count: int, rng: np.random.Generator
+) -> Shapes:
+    """The set and up to `count` more shapes, fitted to what it leaves empty; the best ones are taken."""
     distances = distance_table(shapes, occupancy).min(axis=0, initial=np.inf)
-    candidates = _candidates(occupancy, distances, max(SEEDS_PER_SHAPE * count, LEAST_SEEDS), rng)
-    if len(candidates) == 0:
-        return shapes
+    candidates = _candidates(solid, occupancy, distances, max(SEEDS_PER_SHAPE * count, LEAST_SEEDS), rng)
     candidates, _ = descend_alone(candidates, [distances] * len(candidates), occupancy, 12)
-    table = distance_table(candidates, occupancy)
-    chosen: list[int] = []
-    for _ in range(count):
-        reached = occupancy.differences(np.minimum(table, distances)).sum(axis=1)
-        best = int(reached.argmin())
-        if reached[best] >= occupancy.differences(distances).sum():
-            break
-        chosen.append(best)
-        distances = np.minimum(distances, table[best])
-    return join([shapes, candidates.select(np.array(chosen, np.int64))])
+    return choose(shapes, candidates, occupancy, count)
 
 
-def _candidates(occupancy: Occupancy, distances: Float64, count: int, rng: np.random.Generator) -> Shapes:
+def _candidates(
+    solid: Solid, occupancy: Occupancy, distances: Float64, count: int, rng: np.random.Generator
+) -> Shapes:
     """A box, a sphere and a cylinder of the missing points around each of some of them."""
     gap = np.where(occupancy.inside, np.clip(distances, 0.0, 2 * occupancy.band), 0.0) * occupancy.volumes
     rows = np.flatnonzero(gap > 0)
@@ -212,7 +262,7 @@ def _candidates(occupancy: Occupancy, distances: Float64, count: int, rng: np.ra
         return no_shapes()
     seeds = rng.choice(rows, size=min(count, len(rows)), replace=False, p=gap[rows] / gap[rows].sum())
     tree = cKDTree(occupancy.points[rows])
-    found = []
+    found = [inscribe(solid, occupancy.points[seeds[:INSCRIBED_IN_GAPS]])]
     for seed in np.sort(seeds):
         radius = 2 * max(-float(occupancy.distances[seed]), min(float(distances[seed]), 4 * occupancy.band))
         cluster = rows[tree.query_ball_point(occupancy.points[seed], radius, return_sorted=True)]

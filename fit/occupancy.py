@@ -56,6 +56,10 @@ class Occupancy:
         """Volume (..., p) about each point that differs when a set is at these distances (..., p)."""
         return self.volumes * np.abs(self.clipped(distances) - self.known) / (2 * self.band)
 
+    def differences_at(self, rows: NDArray[np.integer], distances: Float64) -> Float64:
+        """`differences` (k,) of some points alone, when the set is at these distances (k,) from them."""
+        return self.volumes[rows] * np.abs(self.clipped(distances) - self.known[rows]) / (2 * self.band)
+
     def clipped(self, distances: Float64) -> Float64:
         """Distances as far as the band tells them apart."""
         return np.clip(distances, -self.band, self.band)
