@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.merge_regions import hierarchy
-from fit.objective import Targets, penalties
-from fit.partition import Samples, link, partition
+from fit.objective import Targets, distances_from, near_rows, penalties
+from fit.partition import link, partition
 from fit.scene import Float64
-from fit.shapes import Shapes, distances_to_one, join
+from fit.shapes import Shapes, join, no_shapes
 from fit.slabs import Patch, make_patch, slabs
 from fit.spaces import Air
 from fit.targets import Seen
@@ -26,17 +26,15 @@ Int64 = NDArray[np.int64]
 REGIONS = 400
 """Facets that the surface is first cut into."""
 
-MOST_CANDIDATES = 800
+MOST_STANDING, MOST_NEW = 600, 200
+"""Candidates found for the empty set, which stay on offer, and those found for what a set lacks."""
 
-MOST_PATCHES = 150
+MOST_PATCHES = 80
 """Patches asked in one round, those whose surface lacks most, once there is a set."""
 
 MOST_TOO_NEAR = 0.05
 """Of its gain, that a candidate may cost where it is nearer than the surface: unlike what it leaves out, no
 later shape can mend that. On a large scene at 64 shapes, 0.1 leaves an error of 192, 0.05 of 138."""
-
-_LOOKED_AT = 6000
-"""Targets, evenly out of all, by which candidates are compared before the choice sees them."""
 
 _SAME = 0.25
 """Of a cell: candidates of nearly equal corners are one."""
@@ -44,63 +42,68 @@ _SAME = 0.25
 
 @dataclass(frozen=True)
 class Regions:
-    """The surface targets as samples (rows (p,) of the targets), and patches of it at every scale."""
+    """The surface targets as samples (rows (p,) of the targets), patches of it at every scale, and the
+    candidates that stand for them while there is no set."""
 
     air: Air
     rows: Int64
-    samples: Samples
     patches: tuple[Patch, ...]
+    standing: Shapes
 
 
 def find_regions(air: Air, targets: Targets, *, seed: int = 0) -> Regions:
     """Regions that a plane, sphere or cylinder explains, and their merges up to whole walls."""
     rows = np.flatnonzero(targets.is_surface)
+    if len(rows) < 3:
+        return Regions(air, rows, (), no_shapes())
     points = (targets.points[rows] - air.origin) / air.cell
     samples = link(points, targets.normals[rows], targets.weights[rows])
-    if len(rows) < 3:
-        return Regions(air, rows, samples, ())
     label = partition(samples, REGIONS, np.random.default_rng(seed))
     order = np.argsort(label, kind="stable")
     starts = np.searchsorted(label[order], np.arange(int(label.max()) + 2))
-    patches = []
+    patches, found = [], []
+    everything = np.ones(len(rows))
     for regions in hierarchy(samples, label)[0]:
         members = np.sort(np.concatenate([order[starts[r] : starts[r + 1]] for r in regions]))
-        patches.append(make_patch(samples, members, air))
-    return Regions(air, rows, samples, tuple(p for p in patches if p is not None))
-
-
-def propose_regions(
-    air: Air, seen: Seen, targets: Targets, *, seed: int = 0, distances: Float64 | None = None
-) -> Shapes:
-    """At most `MOST_CANDIDATES` boxes, cylinders and spheres (none exact) for a set at `distances` (p,)."""
-    return propose_slabs(find_regions(air, targets, seed=seed), targets, distances)
-
-
-def propose_slabs(regions: Regions, targets: Targets, distances: Float64 | None = None) -> Shapes:
-    """Slabs where the set at signed `distances` (p,) from the targets lacks surface; None: the empty set."""
+        patch = make_patch(samples, members, air)
+        if patch is not None:
+            patches.append(patch)
+            found.append(slabs(patch, everything, air))
     far = np.full(len(targets), targets.reach)
-    current = far if distances is None else np.minimum(distances, far)
+    standing = _most_useful(join(found), targets, far, air.cell)[:MOST_STANDING]
+    return Regions(air, rows, tuple(patches), join(found).select(standing))
+
+
+def propose_regions(air: Air, seen: Seen, targets: Targets, *, seed: int = 0) -> Shapes:
+    """Boxes, cylinders and spheres (none exact) that each explain a region, the most useful alone first."""
+    return find_regions(air, targets, seed=seed).standing
+
+
+def propose_slabs(regions: Regions, targets: Targets, distances: Float64) -> Shapes:
+    """The standing candidates, and slabs where the set at signed `distances` (p,) lacks surface."""
+    far = np.full(len(targets), targets.reach)
+    current = np.minimum(distances, far)
     missing = np.where(current > 0, penalties(targets, current), 0.0)[regions.rows]
     need = missing / np.maximum(penalties(targets, far)[regions.rows], np.finfo(float).tiny)
-    patches = list(regions.patches)
-    if distances is not None:
-        lacks = np.array([float(missing[p.members].sum()) for p in patches])
-        patches = [patches[i] for i in np.argsort(-lacks, kind="stable")[:MOST_PATCHES] if lacks[i] > 0]
-    found = join([slabs(patch, need, regions.air) for patch in patches])
-    return _most_useful(found, targets, current, regions.air.cell)
+    if not (need < 1).any():
+        return regions.standing
+    lacks = np.array([float(missing[p.members].sum()) for p in regions.patches])
+    worst = [i for i in np.argsort(-lacks, kind="stable")[:MOST_PATCHES] if lacks[i] > 0]
+    found = join([slabs(regions.patches[i], need, regions.air) for i in worst])
+    new = _most_useful(found, targets, current, regions.air.cell)[:MOST_NEW]
+    return join([regions.standing, found.select(new)])
 
 
-def _most_useful(candidates: Shapes, targets: Targets, current: Float64, cell: float) -> Shapes:
-    """Those that lower the error most, without near doubles and those that reach into the air."""
-    thin = np.arange(0, len(targets), max(1, len(targets) // _LOOKED_AT))
-    gains, losses = _gains(candidates, targets.select(thin), current[thin])
+def _most_useful(candidates: Shapes, targets: Targets, current: Float64, cell: float) -> Int64:
+    """Rows of those that lower the error most, without near doubles and those that reach into the air."""
+    gains, losses = _gains(candidates, targets, current)
     order = np.argsort(-gains, kind="stable")
     order = order[losses[order] < MOST_TOO_NEAR * gains[order]]
     corners = np.abs(candidates.frames * candidates.halves[:, None, :])
     key = np.concatenate([candidates.centers, corners.sum(axis=2), corners.max(axis=2)], axis=1)
     key = np.rint(key[order] / (_SAME * cell)).astype(np.int64)
     _, first = np.unique(key, axis=0, return_index=True)
-    return candidates.select(order[np.sort(first)][:MOST_CANDIDATES])
+    return order[np.sort(first)]
 
 
 def _gains(candidates: Shapes, targets: Targets, current: Float64) -> tuple[Float64, Float64]:
@@ -108,10 +111,8 @@ def _gains(candidates: Shapes, targets: Targets, current: Float64) -> tuple[Floa
     standing = penalties(targets, current)
     gains, losses = np.zeros(len(candidates)), np.zeros(len(candidates))
     for i in range(len(candidates)):
-        radius = float(np.linalg.norm(candidates.halves[i])) + targets.reach
-        offset = targets.points - candidates.centers[i]
-        rows = np.flatnonzero(np.einsum("pk,pk->p", offset, offset) < radius * radius)
-        distances = distances_to_one(candidates, i, targets.points[rows])
+        rows = near_rows(candidates, i, targets, targets.reach)
+        distances = distances_from(candidates, i, targets, rows)
         closer = distances < current[rows]
         rows, distances = rows[closer], distances[closer]
         penalty = penalties(targets, distances, rows)

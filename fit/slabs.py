@@ -37,7 +37,7 @@ LEAST_STEP, MOST_STEPS = 0.5, 40
 DEPTHS = (0.0, 1.0, 2.0, 3.0, 4.5, 6.0)
 """Cells behind the plane where air is looked for."""
 
-THICKNESSES = (0, 1, 3, 5)
+THICKNESSES = (0, 2, 5)
 """Which of the depths a slab reaches: thin sheets, walls and blocks."""
 
 THIN = 0.5
@@ -58,6 +58,9 @@ LEAST_SCORE = 0.2
 """Of the first rectangle's score, for another one of the same region."""
 
 _ANGLES = 24
+_ABOVE = 1.0
+"""Cells above the highest surface looked for, where its rays start."""
+
 _LONE = 4.0
 """Cells from the next sample beyond which a surface is not the region's."""
 
@@ -67,8 +70,9 @@ class Patch:
     """A region seen along its normal, lengths in cells of the air's grid.
 
     members (m,): its samples; frame (3, 3): columns u, v, normal; origin (2,), step: of the raster (nu, nv);
-    air (k, nu, nv): air at each of `DEPTHS`; surface (nu, nv): its own surface is there, at `height`;
-    nearest (nu, nv): the member next to it; behind (b, 3): samples that face the other way, in the frame.
+    air (k, nu, nv): openings, then air at each further of `DEPTHS`; surface (nu, nv): there is some, at
+    `height`; nearest (nu, nv): the member next to it; behind (b, 3): samples that face the other way, in
+    the frame.
     """
 
     members: Int64
@@ -100,11 +104,12 @@ def make_patch(samples: Samples, members: Int64, air: Air) -> Patch | None:
     u, v = (lower[k] + step * (np.arange(count[k]) + 0.5) for k in range(2))
     raster = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
     gap, nearest = cKDTree(own[:, :2]).query(raster)
-    surface, height = _surface(air, frame, raster, plane, max(OFF_PLANE, 2 * spread))
+    surface, height, is_open = _looked_at(air, frame, raster, plane, max(OFF_PLANE, 2 * spread))
     surface &= gap < max(_LONE, 2 * step)
+    is_air = _air_behind(air, frame, raster, plane)
+    is_air[0] = (is_air[0] | is_open) & ~surface
     return Patch(
-        members, frame, lower, step, plane,
-        _air_behind(air, frame, raster, plane).reshape(len(DEPTHS), *count),
+        members, frame, lower, step, plane, is_air.reshape(len(DEPTHS), *count),
         surface.reshape(count), height.reshape(count), nearest.reshape(count),
         _behind(samples, frame, lower, upper, plane),
     )  # fmt: skip
@@ -123,25 +128,30 @@ def _tightest_frame(points: Float64, normal: Float64) -> Float64:
     return np.stack([u[best], v[best], normal], axis=1)
 
 
-def _surface(air: Air, frame: Float64, raster: Float64, plane: float, off: float) -> tuple[Bool, Float64]:
-    """Where a ray from `off` above the plane meets surface along it within `off` below, and its height."""
-    start = np.column_stack([raster, np.full(len(raster), plane + off)]) @ frame.T
+def _looked_at(
+    air: Air, frame: Float64, raster: Float64, plane: float, off: float
+) -> tuple[Bool, Float64, Bool]:
+    """Where a ray down the normal meets surface along the plane within `off`, its height, and where a ray
+    that starts in air meets nothing so far: an opening, however narrow."""
+    start = np.column_stack([raster, np.full(len(raster), plane + off + _ABOVE)]) @ frame.T
     down = np.broadcast_to(-frame[:, 2], start.shape)
     distance, triangle = air.rays.first_hit(air.origin + air.cell * start, down)
-    distance /= air.cell
-    met = (triangle >= 0) & (distance < 2 * off)
+    height = plane + off + _ABOVE - np.minimum(distance / air.cell, 2 * off + _ABOVE)
+    met = (triangle >= 0) & (np.abs(height - plane) < off)
     met[met] = np.abs(air.walls.normals[triangle[met]] @ frame[:, 2]) > FACING
-    return met, np.where(met, plane + off - np.where(met, distance, 0.0), plane)
+    return met, height, _is_free(air, start) & (height <= plane - off)
+
+
+def _is_free(air: Air, points: Float64) -> Bool:
+    """Whether the cell of each point (p, 3) is air; so is all beyond the grid."""
+    cells = np.floor(points).astype(np.int64)
+    return np.asarray(air.free.reshape(-1)[air.grid.flat(cells)] | ~air.grid.holds(cells))
 
 
 def _air_behind(air: Air, frame: Float64, raster: Float64, plane: float) -> Bool:
     """Whether air is at each of the depths (k, r) behind the raster's cells."""
     points = raster @ frame[:, :2].T + plane * frame[:, 2]
-    found = []
-    for depth in DEPTHS:
-        cells = np.floor(points - depth * frame[:, 2]).astype(np.int64)
-        found.append(air.free.reshape(-1)[air.grid.flat(cells)] | ~air.grid.holds(cells))
-    return np.stack(found)
+    return np.stack([_is_free(air, points - depth * frame[:, 2]) for depth in DEPTHS])
 
 
 def _behind(samples: Samples, frame: Float64, lower: Float64, upper: Float64, plane: float) -> Float64:
@@ -177,9 +187,8 @@ Rectangle = tuple[int, int, int, int]
 def _rectangles(patch: Patch, need: Float64, thickness: int) -> list[Rectangle]:
     """Rows and columns u0, u1, v0, v1 of the rectangles worth a slab, the best first."""
     gain = np.where(patch.surface, need[patch.members][patch.nearest], 0.0)
-    is_hole = patch.air[0] & ~patch.surface
     behind = patch.air[1 : thickness + 1]
-    cost = AIR_COST * (is_hole + (behind.mean(axis=0) if len(behind) else 0.0)) + UNSEEN_COST
+    cost = AIR_COST * (patch.air[0] + (behind.mean(axis=0) if len(behind) else 0.0)) + UNSEEN_COST
     found: list[Rectangle] = []
     first = 0.0
     for _ in range(MOST_RECTANGLES):
