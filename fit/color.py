@@ -101,16 +101,16 @@ def _exposed_areas(primitives: PrimitiveSet, which: Index, air: Air, seed: int) 
 def nearest_primitive(primitives: PrimitiveSet, points: Float64, normals: Float64, cell: float) -> Index:
     """Primitive (p,) whose boundary is nearest to each point of the surface, seen from just outside of it.
 
-    Of equally near ones it is the one behind the surface. `cell`: edge of the air's cells.
+    Of about equally near ones it is the one that looks the same way: the floor that a wall's foot stands on
+    is not what the wall's own samples belong to. `cell`: edge of the air's cells.
     """
-    nudge = 1e-6 * float(np.abs(points - points.mean(axis=0)).max())
+    step = LOOK_OUT_CELLS * cell
     owner = np.zeros(len(points), np.int64)
-    outside, behind = points + LOOK_OUT_CELLS * cell * normals, points - nudge * normals
     for start in range(0, len(points), 4096):
         rows = slice(start, start + 4096)
-        score = np.abs(distance(primitives, outside[rows]))
-        score += (distance(primitives, behind[rows]) > 0) * nudge
-        owner[rows] = score.argmin(axis=1)
+        outside = distance(primitives, points[rows] + step * normals[rows])
+        rise = outside - distance(primitives, points[rows])  # step times the cosine between the normals
+        owner[rows] = (np.abs(outside) + 2 * (step - rise)).argmin(axis=1)
     return owner
 
 

@@ -27,6 +27,9 @@ PROUD_CELLS = LOOK_OUT_CELLS / 2
 DEPTH_CELLS = 0.5
 """How deep a plate reaches into its box, where that is as thick."""
 
+PLATE_SHARE = 0.9
+"""Of its gain that a plate is credited with: a cut leaves the union as it is, and wins where both do."""
+
 MOST_ROUNDS = 4
 _NEIGHBOURS = 6
 _MEANS_STEPS = 8
@@ -126,7 +129,7 @@ def _repaints(primitives: PrimitiveSet, number: int, face: Index, palette: Palet
             within = np.all((flat >= lower) & (flat <= upper), axis=1).astype(np.int64)
             gain = _gain(palette, rows, np.zeros(len(rows), np.int64), within)
             boxes = _with_plate(primitives, number, turn, across, lower, upper, palette.cell)
-            found.append(Repaint(owner, boxes, gain))
+            found.append(Repaint(owner, boxes, PLATE_SHARE * gain))
             for place in _cuts(lower, upper, half[across]):
                 axis_cut = across[place[0]]
                 own = np.flatnonzero(face // 6 == owner)

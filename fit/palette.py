@@ -30,15 +30,19 @@ SMOOTHING_NEIGHBOURS = 8
 """Samples over which a colour is averaged first: what varies from one to the next, bricks and leaves, is one
 colour to the light of a room."""
 
+BLURRED = 0.1
+"""Mean difference of the albedos around a sample at which it counts no more: it lies on the edge of two
+colours, where no cut falls exactly, or on a pattern, which is one colour from afar."""
+
 _NORMAL_SPACINGS = 4.0
 """Mean spacings of the samples that a right angle between two normals counts as in that average."""
 
 
 @dataclass(frozen=True)
 class Palette:
-    """p points of the seen surface, normals (p, 3) toward the air, weights (p,) that sum to 1, and features
-    (p, 6): smooth albedo, and emission in units of the scene's mean; reach: metres, the farthest that a
-    distance counts in the objective; cell: edge of the air's cells."""
+    """p points of the seen surface, normals (p, 3) toward the air, weights (p,) that sum to at most 1;
+    features (p, 6): smooth albedo, and emission in units of the scene's mean; reach: metres, the farthest
+    that a distance counts in the objective; cell: edge of the air's cells."""
 
     points: Float64
     normals: Float64
@@ -58,21 +62,31 @@ def find_palette(scene: Scene, air: Air, seen: Seen, reach: float) -> Palette:
     shown = np.flatnonzero(alpha >= alpha_cutoffs(scene)[air.walls.material[samples.triangle]])
     points, normals, weights = samples.points[shown], seen.normals[shown], seen.weights[shown]
     weights = weights / max(float(weights.sum()), np.finfo(float).tiny)
+    near = _neighbours(points, normals)
+    albedo = np.clip(albedo[shown], 0.0, 1.0)[near]
+    smooth = albedo.mean(axis=1)
+    blur = np.abs(albedo - smooth[:, None]).mean(axis=(1, 2)) / BLURRED
     glow = np.maximum(emission[shown], 0.0)
-    mean = float(weights @ glow.mean(axis=1)) if len(shown) else 0.0
-    smooth = _smooth(points, normals, np.clip(albedo[shown], 0.0, 1.0))
-    features = np.concatenate([smooth, glow / mean if mean > 0 else glow], axis=1)
-    return Palette(points, normals, weights, features, reach, air.cell)
+    mean = float(weights @ glow.mean(axis=1))
+    if mean > 0:
+        glow /= mean
+        around = glow.mean(axis=1)[near]
+        level = around.mean(axis=1)
+        unsteady = np.abs(around - level[:, None]).mean(axis=1)
+        blur = np.maximum(blur, unsteady / np.where(level > 0, level, 1.0))
+    weights *= np.maximum(0.0, 1.0 - blur)
+    return Palette(points, normals, weights, np.concatenate([smooth, glow], axis=1), reach, air.cell)
 
 
-def _smooth(points: Float64, normals: Float64, albedo: Float64) -> Float64:
-    """Means of the albedo over the nearest samples that look the same way."""
+def _neighbours(points: Float64, normals: Float64) -> Index:
+    """Rows (p, k) of the nearest samples that look the same way, the point itself among them."""
     count = min(SMOOTHING_NEIGHBOURS, len(points))
     if count < 2:
-        return albedo
+        return np.arange(len(points))[:, None]
     spacing = float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))
     place = np.concatenate([points, _NORMAL_SPACINGS / np.sqrt(2) * spacing * normals], axis=1)
-    return albedo[cKDTree(place).query(place, k=count)[1]].mean(axis=1)
+    rows: Index = cKDTree(place).query(place, k=count)[1].astype(np.int64)
+    return rows
 
 
 def color_cost(primitives: PrimitiveSet, palette: Palette) -> float:
