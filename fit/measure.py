@@ -18,7 +18,7 @@ from fit.sdf import gradient, sample_boundary, union_distance
 from fit.spaces import Air
 from fit.surface import Surface
 from fit.trace import first_hits
-from fit.volume import compare_volumes
+from fit.volume import Volumes, compare_volumes
 
 Bool = NDArray[np.bool_]
 
@@ -131,11 +131,12 @@ def measure(
     seed: int = 0,
     probes: Probes | None = None,
     metre: float = 1.0,
+    volumes: Volumes | None = None,
 ) -> Metrics:
     """All metrics of a set against the surface it was fitted to.
 
     `probes`: from `place_probes` of the same surface, air and seed; giving them to several calls saves time.
-    `metre`: a metre in the units of the surface, where they are others.
+    `metre`: a metre in the units of the surface, where they are others; `volumes`: where they are known.
     """
     probes = probes or place_probes(surface, air, seed)
     diagonal = probes.diagonal
@@ -144,7 +145,7 @@ def measure(
     to_surface = _set_to_surface(air, boundary, normals)
     false_solid, air_error = _air_errors(primitives, probes)
     leaks, blocked, hit_error, largest_hole = _ray_errors(primitives, probes)
-    volumes = compare_volumes(primitives, air.walls, air)
+    volumes = volumes or compare_volumes(primitives, air.walls, air)
     return Metrics(
         surface_to_set_mean_m=_mean(to_set),
         surface_to_set_p95_m=float(np.percentile(to_set, 95)) if len(to_set) else 0.0,

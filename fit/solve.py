@@ -42,6 +42,7 @@ from fit.spaces import Air
 from fit.split import split
 from fit.surface import Surface
 from fit.targets import along_a_curve, make_targets, see_surface
+from fit.volume import Volumes, compare_volumes
 
 __all__ = ["COARSE", "FINE", "STEPS", "Fit", "FitSettings", "Progress", "find_scene_air", "fit"]
 
@@ -52,13 +53,14 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Fit:
-    """The set, what it was fitted to and how well, errors of each primitive; skipped_parts: name and shares;
-    seconds of CPU by stage."""
+    """The set, what it was fitted to, how well, volumes, errors of each primitive; skipped_parts: name and
+    shares; seconds of CPU by stage."""
 
     primitives: PrimitiveSet
     surface: Surface
     air: Air
     metrics: Metrics
+    volumes: Volumes
     errors: tuple[PrimitiveError, ...]
     skipped_parts: list[dict[str, object]]
     seconds: dict[str, float]
@@ -110,13 +112,17 @@ def fit(
         primitives = color(uncolored, scene, air, seen, glow, seed=settings.seed)
     with stages("measure"):
         probes = place_probes(surface, air, settings.seed)
-        metrics = measure(primitives, surface, air, seed=settings.seed, probes=probes, metre=1 / pose.unit)
+        volumes = compare_volumes(primitives, air.walls, air)
+        metrics = measure(
+            primitives, surface, air, seed=settings.seed, probes=probes, metre=1 / pose.unit, volumes=volumes
+        )
         errors = measure_each(primitives, probes)
     outer = world_air(air, pose)
     # Where every face is a wall, both are one: millions of triangles are not turned twice.
     turned = outer.walls if air.walls is surface else world_surface(surface, pose)
     return Fit(
-        world_primitives(primitives, pose), turned, outer, world_lengths(metrics, pose),
+        world_primitives(primitives, pose), turned, outer,
+        world_lengths(metrics, pose), volumes.in_units(pose.unit),
         tuple(world_lengths(one, pose) for one in errors), _in_metres(skipped, pose.unit), stages.seconds,
         _notes(shapes, settings, targets, pose.unit) + outer.notes(),
     )  # fmt: skip

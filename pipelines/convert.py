@@ -39,6 +39,7 @@ EMPTY_ROW: dict[str, Any] = {
     "seconds": None,
     "peak_rss_mb": None,
     "metrics": None,
+    "volumes": None,
     "per_primitive": [],
     "air": [],
     "repairs": {},
@@ -203,6 +204,7 @@ def describe_fit(result: Any) -> dict[str, Any]:
     """A row's keys that follow from a `fit.solve.Fit`."""
     return describe_primitives(result.primitives) | {
         "metrics": asdict(result.metrics),
+        "volumes": asdict(result.volumes),
         "per_primitive": [asdict(error) for error in result.errors],
         "air": [asdict(space) for space in result.air.spaces],
         "skipped_parts": list(result.skipped_parts),

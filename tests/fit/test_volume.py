@@ -13,6 +13,7 @@ from fit.primitives import (
     make_half_space,
     make_sphere,
 )
+from fit.sdf import union_distance
 from fit.surface import from_scene, from_triangles
 from fit.volume import compare_volumes, mesh_volume, union_volume
 
@@ -181,3 +182,79 @@ def test_real_meshes_against_trimesh(shared_assets, asset, closed):
         center = surface.vertices - surface.center
         signed = np.einsum("ti,ti->t", center[:, 0], np.cross(center[:, 1], center[:, 2])).sum() / 6
         assert volume == pytest.approx(abs(signed), rel=1e-3)
+
+
+def inside_the_shelf(points):
+    """The mesh of `shelf`, in closed form: two boxes that overlap, a ball cut by neither."""
+    boxes = [((2, 1, 1), (0, 0, 0)), ((1, 2, 0.5), (0.8, 0.4, 0.1))]
+    inside = np.linalg.norm(points - (-1.6, 0.2, 0), axis=1) <= 0.4
+    for size, center in boxes:
+        inside |= (np.abs(points - center) <= np.array(size) / 2).all(axis=1)
+    return inside
+
+
+@pytest.fixture(scope="module")
+def shelf():
+    """Two overlapping boxes and a fine ball, in one mesh."""
+    ball = trimesh.creation.icosphere(5, 0.4)
+    ball.apply_translation((-1.6, 0.2, 0))
+    return surface_of(box((2, 1, 1)), box((1, 2, 0.5), (0.8, 0.4, 0.1)), np.array(ball.triangles))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_volume_agrees_with_sampling_within_its_error(shelf, seed):
+    rng = np.random.default_rng(seed)
+    turns = rng.normal(size=(5, 4))
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    places = rng.uniform((-1.6, -0.5, -0.4), (1.2, 1.0, 0.4), (5, 3))
+    primitives = PrimitiveSet.concatenate(
+        [make_box(places[i], rng.uniform(0.3, 1.2, 3), turns[i]) for i in range(2)]
+        + [make_sphere(place, rng.uniform(0.2, 0.6)) for place in places[2:4]]
+        + [make_cylinder(places[4], 0.3, 1.5, turns[4])]
+    )
+    found = compare_volumes(primitives, shelf)
+    lower, upper = np.array([-3.0, -2.5, -2.0]), np.array([3.0, 2.5, 2.0])
+    count = 400_000
+    points = rng.uniform(lower, upper, (count, 3))
+    in_mesh, in_set = inside_the_shelf(points), union_distance(primitives, points)[0] <= 0
+    whole = np.prod(upper - lower)
+    for name, inside in {
+        "mesh": in_mesh,
+        "set": in_set,
+        "intersection": in_mesh & in_set,
+        "symmetric_difference": in_mesh ^ in_set,
+    }.items():
+        share = inside.mean()
+        error = whole * np.sqrt(share * (1 - share) / count)
+        assert getattr(found, name) == pytest.approx(whole * share, abs=4 * error + 1e-3), name
+    either = found.mesh + found.set - found.intersection
+    assert found.iou == pytest.approx(found.intersection / either)
+    assert found.symmetric_difference == pytest.approx(either - found.intersection)
+
+
+@pytest.mark.parametrize("segments", [32, 64, 128, 256])
+def test_tessellation_costs_a_round_primitive_none_of_its_volume(segments, monkeypatch):
+    monkeypatch.setattr("fit.volume.SEGMENTS", segments)
+    assert union_volume(make_sphere((1, 2, 3), 0.7)) == pytest.approx(4 / 3 * np.pi * 0.7**3, rel=1e-9)
+    assert union_volume(make_cylinder((1, 2, 3), 0.7, 0.2)) == pytest.approx(np.pi * 0.7**2 * 0.2, rel=1e-9)
+
+
+def test_what_a_fine_ball_shares_with_its_sphere_is_nearly_all():
+    surface = from_triangles(np.array(trimesh.creation.icosphere(6, 0.5).triangles))
+    found = compare_volumes(make_sphere((0, 0, 0), 0.5), surface)
+    assert found.iou > 0.9995
+    assert found.set == pytest.approx(np.pi / 6, rel=1e-9)
+
+
+def test_an_open_mesh_has_a_reason_and_the_set_still_a_volume():
+    found = compare_volumes(make_box((0, 0, 0), (2, 1, 1)), from_triangles(box((1, 1, 1))[:-1]))
+    assert (found.mesh, found.intersection, found.symmetric_difference, found.iou, found.error) == (None,) * 5
+    assert found.set == pytest.approx(2)
+    assert found.reason == "the mesh is open"
+
+
+def test_volumes_scale_by_the_cube_of_the_unit():
+    found = compare_volumes(make_box((0.5, 0, 0), (2, 1, 1)), surface_of(box((2, 1, 1)))).in_units(10.0)
+    assert (found.mesh, found.set) == (pytest.approx(2000), pytest.approx(2000))
+    assert (found.intersection, found.symmetric_difference) == (pytest.approx(1500), pytest.approx(1000))
+    assert found.iou == pytest.approx(0.6)
