@@ -98,6 +98,26 @@ def finer(mesh: HardMesh, longest: float) -> HardMesh:
     return np.asarray(vertices, np.float64), np.asarray(triangles, np.int64)
 
 
+def wavy_globe(triangles: int) -> HardMesh:
+    """At least so many triangles: a globe of rings and sectors with waves on it, closed."""
+    rings = int(np.ceil(np.sqrt(triangles / 4))) + 1
+    sectors = 2 * rings
+    polar = np.pi * (np.arange(rings) + 0.5) / rings
+    turn = 2 * np.pi * np.arange(sectors) / sectors
+    polar, turn = (grid.ravel() for grid in np.meshgrid(polar, turn, indexing="ij"))
+    radius = 1 + 0.1 * np.sin(5 * polar) * np.cos(4 * turn)
+    around = np.stack([np.sin(polar) * np.cos(turn), np.cos(polar), np.sin(polar) * np.sin(turn)], axis=1)
+    row, column = np.divmod(np.arange((rings - 1) * sectors), sectors)
+    a, b = row * sectors + column, row * sectors + (column + 1) % sectors
+    quads = np.concatenate(
+        [np.column_stack([a, b, a + sectors]), np.column_stack([b, b + sectors, a + sectors])]
+    )
+    rim = np.arange(1, sectors - 1)
+    caps = np.column_stack([np.zeros_like(rim), rim + 1, rim])
+    bottom = np.column_stack([np.zeros_like(rim), rim, rim + 1]) + (rings - 1) * sectors
+    return radius[:, None] * around, np.concatenate([quads, caps, bottom])
+
+
 # ------------------------------------------------------------------------------- meshes hard by themselves
 
 
