@@ -41,7 +41,7 @@ CHOSEN_BY = 3
 MOVED_SHARE = 1 / 10
 """Of the shapes: the least useful, which may move to where the error is largest at the end of a round."""
 
-EVALUATIONS = 60
+EVALUATIONS = 30
 """Of the error, in one pass of the refinement."""
 
 STEPS = ("parts", "growing", "regions", "bodies", "refinement", "merging", "splitting", "teleportation")

@@ -35,7 +35,7 @@ from fit.shapes import Shapes, distances_to_one
 STICKS_OUT = 1.3
 """Error of a set nearer than the surface (it darkens the air) against one that is farther (it leaks)."""
 
-FILLED = 25.0
+FILLED = 40.0
 """Error of air inside the set, beside that of its distance: a place is filled or it is not."""
 
 PLACES = (0.0, 0.5, 1.0)

@@ -1,12 +1,19 @@
-"""Joint refinement of a set: nlopt's L-BFGS on the distance error, every parameter at once."""
+"""Joint refinement of a set, every parameter at once: least squares on the roots of the error, then L-BFGS.
+
+Each target depends on one shape, the nearest, so the Jacobian is sparse, and scipy's trust region method
+(Branch, Coleman and Li 1999) knows a curvature that L-BFGS has to learn. nlopt's L-BFGS finishes on the error itself.
+"""
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, fields
 
 import nlopt
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.sparse import csr_array
 
 from fit.objective import Targets, error, near_rows, penalties, penalty_slopes, set_distances
 from fit.scene import Float64
@@ -24,6 +31,12 @@ MOST_STEPS = 2.0
 MAX_TURN = 0.3
 """Radians that a shape may turn in one refinement: farther away lies another start, not this optimum."""
 
+LEAST_SQUARES_STEPS = 12
+"""Evaluations of scipy's trust region method, which goes first; docs/method.md has figures."""
+
+_WITHIN = 1e-9
+"""How far inside its bounds the trust region method starts, in units of a step."""
+
 THINNEST = 1e-3
 """Of the reach: no half extent gets smaller, so that a sheet stays a solid."""
 
@@ -37,7 +50,7 @@ def refine(
     free: NDArray[np.bool_] | None = None,
     passes: int = 2,
 ) -> Shapes:
-    """The set after L-BFGS (Nocedal 1980, as in nlopt) has moved, turned and resized its shapes.
+    """The set after least squares and L-BFGS (Nocedal 1980, as in nlopt) moved, turned and resized its shapes.
 
     max_step: metres that a centre or a face may move in one pass; free (n,) bool: the shapes that may change
     (default: all that are not exact). The returned set's error is never above the given one's.
@@ -118,11 +131,12 @@ def _pairs_that_matter(moving: Shapes, others: Shapes, targets: Targets, max_ste
 
 
 def _minimise(moving: Shapes, targets: Targets, pairs: _Pairs, max_step: float, evaluations: int) -> Shapes:
-    """The moving shapes at the lowest error that nlopt has seen."""
+    """The moving shapes at the lowest error that scipy's least squares and then nlopt have seen."""
     scale = _scales(moving, max_step)
-    best_x, best_value = np.zeros(scale.size), np.inf
+    lower, upper = (b.ravel() for b in _bounds(moving, targets.reach, max_step, scale))
+    best_x, best_value = np.clip(np.zeros(scale.size), lower, upper), np.inf
 
-    def objective(x: Float64, gradient: Float64) -> float:
+    def at(x: Float64) -> tuple[Shapes, Float64, Float64]:
         nonlocal best_x, best_value
         trial = moved(moving, x.reshape(-1, PARAMETERS) * scale)
         distances = pair_distances(trial, pairs.place, pairs.shape)
@@ -130,20 +144,55 @@ def _minimise(moving: Shapes, targets: Targets, pairs: _Pairs, max_step: float, 
         value = float(penalties(pairs.members, nearest).sum())
         if np.isfinite(value) and value < best_value:
             best_x, best_value = x.copy(), value
+        return trial, distances, nearest
+
+    def objective(x: Float64, gradient: Float64) -> float:
+        trial, distances, nearest = at(x)
         if gradient.size:
             gradient[:] = (_slopes(moving, trial, pairs, distances, nearest) * scale).ravel()
-        return value
+        return float(penalties(pairs.members, nearest).sum())
 
+    with suppress(ValueError, np.linalg.LinAlgError):  # of a degenerate start; the best point stays
+        least_squares(
+            lambda x: _roots(pairs.members, at(x)[2])[0],
+            np.clip(best_x, lower + _WITHIN, upper - _WITHIN),
+            jac=lambda x: _jacobian(moving, pairs, scale, *at(x)),
+            bounds=(lower, upper), method="trf", tr_solver="lsmr", max_nfev=LEAST_SQUARES_STEPS,
+        )  # fmt: skip
     optimizer = nlopt.opt(nlopt.LD_LBFGS, scale.size)
     optimizer.set_exceptions_enabled(False)
     optimizer.set_min_objective(objective)
-    lower, upper = _bounds(moving, targets.reach, max_step, scale)
-    optimizer.set_lower_bounds(lower.ravel())
-    optimizer.set_upper_bounds(upper.ravel())
+    optimizer.set_lower_bounds(lower)
+    optimizer.set_upper_bounds(upper)
     optimizer.set_maxeval(evaluations)
     optimizer.set_ftol_rel(1e-5)
-    optimizer.optimize(np.clip(best_x, lower.ravel(), upper.ravel()))
+    optimizer.optimize(best_x.copy())
     return moved(moving, best_x.reshape(-1, PARAMETERS) * scale)
+
+
+def _roots(members: Targets, nearest: Float64) -> tuple[Float64, Float64]:
+    """Signed roots (m,) of the errors, whose squares least squares sum, and their slopes by the distance."""
+    root = np.sqrt(np.maximum(penalties(members, nearest), 0.0))
+    sign = np.where(nearest < members.distances, -1.0, 1.0)
+    slope = penalty_slopes(members, nearest) / (2 * np.maximum(root, np.finfo(float).tiny ** 0.5))
+    return sign * root, sign * slope
+
+
+def _jacobian(
+    moving: Shapes, pairs: _Pairs, scale: Float64, trial: Shapes, distances: Float64, nearest: Float64
+) -> csr_array:
+    """Sparse derivatives (m, 9 n) of the signed roots: one shape, the nearest, carries each target."""
+    slope = _roots(pairs.members, nearest)[1]
+    carriers = np.flatnonzero(distances <= nearest[pairs.run])
+    row, first = np.unique(pairs.run[carriers], return_index=True)
+    carriers = carriers[first]
+    shape = pairs.shape[carriers]
+    derivatives = pair_derivatives(trial, pairs.place[carriers], shape) * slope[row]
+    derivatives[3:6] = _in_start_frames(moving.select(shape), trial.select(shape), derivatives[3:6].T).T
+    values = derivatives * scale[shape].T
+    columns = shape * PARAMETERS + np.arange(PARAMETERS)[:, None]
+    rows = np.broadcast_to(row, columns.shape)
+    return csr_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(len(slope), scale.size))
 
 
 def _slopes(moving: Shapes, trial: Shapes, pairs: _Pairs, distances: Float64, nearest: Float64) -> Float64:

@@ -26,7 +26,7 @@ NEAR_CELLS = 3
 RAYS = 6_000
 """Rays whose hits the set must not let pass."""
 
-RAYS_WEIGHT = 20.0
+RAYS_WEIGHT = 40.0
 """Of all rays together; surface and air weigh 1 each."""
 
 LEAK_SHARE = 0.01
