@@ -1,7 +1,7 @@
 """Joint refinement of a set, every parameter at once: least squares on the roots of the error, then L-BFGS.
 
 Each target depends on one shape, the nearest, so the Jacobian is sparse, and scipy's trust region method
-(Branch, Coleman and Li 1999) knows a curvature that L-BFGS has to learn. nlopt's L-BFGS finishes on the error itself.
+(Branch, Coleman and Li 1999) knows a curvature that L-BFGS has to learn. nlopt's L-BFGS then finishes.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def refine(
     free: NDArray[np.bool_] | None = None,
     passes: int = 2,
 ) -> Shapes:
-    """The set after least squares and L-BFGS (Nocedal 1980, as in nlopt) moved, turned and resized its shapes.
+    """The set after least squares and L-BFGS (Nocedal 1980) have moved, turned and resized its shapes.
 
     max_step: metres that a centre or a face may move in one pass; free (n,) bool: the shapes that may change
     (default: all that are not exact). The returned set's error is never above the given one's.

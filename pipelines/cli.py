@@ -117,6 +117,7 @@ def convert_files(
     max_primitives: int | None = None,
     max_bytes: int | None = None,
     max_error: float | None = None,
+    max_leaks: float = 1.0,
     preset: convert.Preset | None = None,
     air: Annotated[list[str] | None, Numbers, Parameter(negative="")] = None,
     scale: float = 1.0,
@@ -140,6 +141,8 @@ def convert_files(
         At most this many bytes on the GPU; 64 for each primitive.
     max_error
         Stop adding primitives once 95 % of the seen surface is this near to the set, metres.
+    max_leaks
+        Share of rays, such as 0.02, above which primitives are added for smaller gains than by default.
     preset
         coarse (48 primitives at most) or fine (192), where no other budget is given.
     air
@@ -155,8 +158,9 @@ def convert_files(
     """
     terminal = Terminal(json)
     settings = convert.ConvertSettings(
-        files, output, max_primitives, max_bytes, max_error, preset, tuple(air or ()), scale, seed, timeout
-    )
+        files, output, max_primitives, max_bytes, max_error, preset, tuple(air or ()), scale, seed, timeout,
+        max_leaks,
+    )  # fmt: skip
     with terminal.progress() as update:
         report = convert.run(settings, progress=lambda state: update(state.describe(), state.share))
     terminal.result(report, lambda: convert.show(report, settings, terminal))

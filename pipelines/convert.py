@@ -65,6 +65,7 @@ class ConvertSettings:
     scale: float = 1.0
     seed: int = 0
     timeout: float = 900.0
+    max_leaks: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -132,6 +133,7 @@ def check(settings: ConvertSettings) -> None:
     for option, value in (
         ("--max-primitives", settings.max_primitives),
         ("--max-error", settings.max_error),
+        ("--max-leaks", settings.max_leaks),
         ("--scale", settings.scale),
         ("--timeout", settings.timeout),
     ):
@@ -192,6 +194,7 @@ def fit_scene(scene: Any, settings: ConvertSettings, progress: Progress | None =
             max_primitives=settings.max_primitives,
             max_bytes=settings.max_bytes,
             max_error=settings.max_error,
+            max_leaks=settings.max_leaks,
             preset=settings.preset,
             air=settings.air,
             seed=settings.seed,
