@@ -35,10 +35,12 @@ POINTS_PER_SHAPE, LEAST_POINTS, MOST_POINTS = 400, 5_000, 40_000
 FAR_SHARE = 2
 """Points near the surface for one that is deep inside, and for one far outside, while searching."""
 
-FINAL_POINTS = 2
-"""Times as many in the last descent."""
+FINAL_POINTS, START_POINTS = 2, 2
+"""Times as many in the last descent, and that share of them at the start."""
 
-ROUNDS, SWAP_ROUND = 12, 3
+ROUNDS, SWAP_ROUND, PATIENCE = 12, 3, 2
+"""Rounds of moving at most; the one that also swaps kinds; how many in a row may fail."""
+
 MOVED = 1 / 8
 """Share of the shapes that a round may move."""
 
@@ -62,13 +64,14 @@ def fit_body(solid: Solid, air: Air, limit: int, *, given: Shapes | None = None,
     occupancy = final.select(slice(None, None, FINAL_POINTS), 1 / FINAL_POINTS)
     if not occupancy.inside.any():
         return given
-    wide = replace(occupancy, band=BAND_CELLS * air.cell)
+    coarse = occupancy.select(slice(None, None, START_POINTS), 1 / START_POINTS)
+    wide = replace(coarse, band=BAND_CELLS * air.cell)
     count = int(OVER * limit)
     starts = [_clustered(wide, count, given, rng), _inscribed(solid, wide, count, given, rng)]
     best = min(starts, key=lambda shapes: difference(shapes, wide))
-    shapes = shrink(best, occupancy, limit, len(given))
+    shapes = shrink(best, coarse, limit, len(given))
     swapped = descend_together(swap_kinds(shapes, occupancy, len(given)), occupancy, 12)
-    shapes = min(shapes, swapped, key=lambda s: difference(s, occupancy))
+    shapes = min(shapes, swapped, key=lambda shapes: difference(shapes, occupancy))
     shapes = _move(solid, shapes, occupancy, limit, len(given), rng)
     return descend_together(shapes, final, 30)
 
@@ -223,6 +226,7 @@ def _move(
     """Rounds in which the least useful shapes move to where most is missing, where that pays."""
     lowest = difference(shapes, occupancy)
     count = max(1, int(MOVED * len(shapes)))
+    failed = 0
     for round in range(ROUNDS):
         worth = worths(shapes, occupancy)
         worth[:kept] = np.inf
@@ -233,9 +237,11 @@ def _move(
             trial = descend_together(swap_kinds(trial, occupancy, kept), occupancy, 12)
         reached = difference(trial, occupancy)
         if reached < lowest:
-            shapes, lowest = trial, reached
-        else:
-            count = max(1, (2 * count) // 3)
+            shapes, lowest, failed = trial, reached, 0
+            continue
+        count, failed = max(1, (2 * count) // 3), failed + 1
+        if failed > PATIENCE:
+            break
     return shapes
 
 
