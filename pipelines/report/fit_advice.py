@@ -41,13 +41,12 @@ def advice_lines(scene: Report) -> list[str]:
         return [f"{name}: no fit succeeded."]
     runs = {run["budget"]: run for run in budget_runs(scene)}
     chosen, best = runs[advice["budget"]], runs[advice["best_budget"]]
-    return [
-        f"{name}: take {advice['budget']}.",
-        _reason(advice, chosen),
-        _loss(chosen, best),
-        _monotony(scene["summary"]["monotony"]),
-        *_failed(scene),
-    ]
+    lines = [f"{name}: take {advice['budget']}.", _reason(advice, chosen)]
+    if len(runs) > 1:
+        lines += [_loss(chosen, best), _monotony(scene["summary"]["monotony"])]
+    else:
+        lines.append("No other budget was tried.")
+    return lines + _failed(scene)
 
 
 def _reason(advice: Report, chosen: Report) -> str:

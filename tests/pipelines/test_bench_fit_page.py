@@ -102,6 +102,14 @@ def test_the_advice_names_what_is_missed_and_what_rises(report: dict[str, Any]) 
     assert "raised the error by 28.0% at most (64 to 128), MORE than" in words
 
 
+def test_one_budget_is_no_curve(report: dict[str, Any]) -> None:
+    runs = [make_run(64, 0.1)]
+    report["scenes"][0] |= {"runs": runs, "summary": summarize(runs)}
+    page = build_page(report)
+    assert "No other budget was tried" in page
+    assert "Error over primitives" not in page
+
+
 def test_a_report_without_any_run_is_a_page(report: dict[str, Any]) -> None:
     report["scenes"][0] |= {"runs": [], "summary": summarize([])}
     assert "no fit succeeded" in build_page(report)
