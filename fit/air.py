@@ -124,7 +124,7 @@ def _with_decision(air: Air, spaces: list[Space], pockets: list[int], taken: dic
         air,
         free=np.isin(air.label, air_labels),
         air_labels=air_labels,
-        passages=tuple(find_passages(air.grid, air.label, air_labels, air.rays)),
+        passages=tuple(find_passages(air.grid, air.label, air_labels, air.tree, air.rays)),
         spaces=tuple(described[0]),
         rejected=tuple(described[1]),
     )

@@ -155,20 +155,19 @@ def inhabitants(air: Air, scene: Scene | None) -> tuple[list[tuple[str, int]], l
 
 def _with_contents(spaces: list[Space], air: Air, samples: Samples, front: Int32, back: Int32) -> list[Space]:
     """The spaces that fronts can't judge, with what is in them. Only these need the mesh's connectivity."""
-    undecided = [space.number for space in spaces if space.is_undecided]
-    if not undecided:
+    if not any(space.is_undecided for space in spaces):
         return spaces
     piece = connected_pieces(air.walls.vertices)[samples.triangle]
-    is_hull = np.bincount(piece, weights=np.isin(back, undecided))[piece] > 0
-    outside = _shown_to(OUTSIDE, piece, front) & ~is_hull
+    outside = _shown_to(OUTSIDE, piece, front)
     weighed = []
     for space in spaces:
         if space.is_undecided:
             inside = _shown_to(space.number, piece, front)
+            is_hull = np.bincount(piece, weights=back == space.number)[piece] > 0
             space = replace(
                 space,
                 contents=float(inside.mean()),
-                contents_outside=float(outside.mean()),
+                contents_outside=float((outside & ~is_hull).mean()),
                 flat_walls=_flatness(samples.normals[(back == space.number) & ~inside]),
             )
         weighed.append(space)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from fit.bvh import TriangleTree
 from fit.grid import Grid
 from fit.rays import RayCaster
 from fit.scene import Float64
@@ -26,16 +27,22 @@ DEEPEST = 4
 DETOUR = 3
 """Cells around a solid one through which two free ones may meet: an edge or a rod is no passage."""
 
-LEAST_AREA = 2.0
-"""Square cells: smaller openings than this are the seams of the model."""
+LEAST_AREA = 0.3
+"""Square cells: smaller openings than this are the seams of the model. A deep slit that lies askew to all
+directions lets few rays through and counts as smaller than it is."""
 
 MOST_REPORTED = 8
 
-_MOST_RAYS = 120_000
-_RAYS_FOR_WIDTH = 24
-_STEPS_ALONG = 5
-_CHORDS = 12
-_STEPS = np.eye(3, dtype=np.int64)
+_DIRECTIONS = np.array([d for d in np.ndindex(3, 3, 3) if d > (1, 1, 1)]) - 1
+"""To a cell's neighbours, opposites aside: some run along a deep slit, however it is turned."""
+
+_CROSSINGS = 9.0
+"""Lines along these from the centres of all cells, that cross a square cell of any plane: 8.7 to 9."""
+
+_BORDER = DEEPEST + DETOUR + 2
+_MOST_STARTS = 40_000
+_SEGMENTS_FOR_WIDTH = 32
+_STEPS_ALONG = 10
 
 
 @dataclass(frozen=True)
@@ -48,55 +55,60 @@ class Passage:
     joins: tuple[int, int]
 
 
-def find_passages(grid: Grid, label: Int32, air_labels: tuple[int, ...], rays: RayCaster) -> list[Passage]:
+def find_passages(
+    grid: Grid, label: Int32, air_labels: tuple[int, ...], tree: TriangleTree, rays: RayCaster
+) -> list[Passage]:
     """Closed passages with air on one side at least, the largest first; `label` (nx, ny, nz) as in `Air`.
 
     Rays go from a random place of one free cell to one of the other: no regular crack lies between them all.
     """
     rng = np.random.default_rng(0)
-    start, end = _pairs(label, air_labels)
-    sampled = min(1.0, _MOST_RAYS / max(len(start), 1))
-    if sampled < 1:
-        chosen = np.sort(rng.choice(len(start), _MOST_RAYS, replace=False))
-        start, end = start[chosen], end[chosen]
-    from_point, to_point = (grid.centers(c) + grid.cell * _in_ball(len(c), rng) for c in (start, end))
-    open_ = np.flatnonzero(rays.visible(from_point, to_point))
-    open_ = open_[~_meet_nearby(label, start[open_], end[open_])]
+    padded = np.pad(label, _BORDER)
+    start, end, sampled = _pairs(padded, air_labels, rng)
+    start_point, end_point = (
+        grid.centers(cells - _BORDER) + grid.cell * _in_ball(len(cells), rng) for cells in (start, end)
+    )
+    open_ = np.flatnonzero(rays.visible(start_point, end_point))
+    open_ = open_[~_meet_nearby(padded, start[open_], end[open_])]
     if len(open_) == 0:
         return []
-    cluster = _clusters(grid, start[open_], end[open_])
+    cluster = _clusters(padded.shape, start[open_], end[open_])
+    area = np.bincount(cluster) / sampled / _CROSSINGS
     found = []
-    for number in range(int(cluster.max()) + 1):
+    for number in np.argsort(-area, kind="stable")[:MOST_REPORTED]:
+        if area[number] < LEAST_AREA:
+            break
         rows = open_[cluster == number]
-        area = len(rows) / sampled * grid.cell**2
-        if area < LEAST_AREA * grid.cell**2:
-            continue
-        rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), _RAYS_FOR_WIDTH)).astype(np.int64)]
-        width, point = _narrowest(rays, from_point[rows], to_point[rows], 3 * grid.cell)
-        sides = sorted({int(label[tuple(c[rows[0]])]) for c in (start, end)})
-        found.append(Passage(point, width, area, (sides[0], sides[-1])))
-    return sorted(found, key=lambda p: -p.area)[:MOST_REPORTED]
+        sides = sorted(int(padded[tuple(cells[rows[0]])]) for cells in (start, end))
+        rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), _SEGMENTS_FOR_WIDTH)).astype(np.int64)]
+        width, point = _width(tree, start_point[rows], end_point[rows])
+        found.append(Passage(point, width, float(area[number]) * grid.cell**2, (sides[0], sides[1])))
+    return found
 
 
-def _pairs(label: Int32, air_labels: tuple[int, ...]) -> tuple[Int64, Int64]:
-    """Free cells (n, 3), (n, 3) in line along an axis with 1 to DEEPEST solid ones between, one in air."""
-    is_free, is_air = label > 0, np.isin(label, air_labels)
-    starts, ends = [], []
-    for axis in range(3):
-        size = label.shape[axis]
-        between = np.ones(label.shape, bool)
-        for gap in range(1, min(DEEPEST, size - 2) + 1):
-            first, last = (_part(axis, a, size - gap - 1 + a) for a in (0, gap + 1))
-            between = between[_part(axis, 0, size - gap - 1)] & ~is_free[_part(axis, gap, size - 1)]
-            pair = between & is_free[first] & is_free[last] & (is_air[first] | is_air[last])
-            cells = np.argwhere(pair)
-            starts.append(cells)
-            ends.append(cells + (gap + 1) * _STEPS[axis])
-    return np.concatenate(starts), np.concatenate(ends)
+def _pairs(label: Int32, air_labels: tuple[int, ...], rng: np.random.Generator) -> tuple[Int64, Int64, float]:
+    """Free cells (n, 3), (n, 3) in line with 1 to DEEPEST solid ones between, one of them in air.
 
-
-def _part(axis: int, start: int, stop: int) -> tuple[slice, ...]:
-    return tuple(slice(start, stop) if k == axis else slice(None) for k in range(3))
+    Their lines start at a share of the free cells beside solid ones, which is returned too.
+    """
+    free, is_air = label > 0, np.isin(label, air_labels)
+    beside = np.argwhere(free & ndimage.binary_dilation(~free, np.ones((3, 3, 3), bool)))
+    sampled = min(1.0, _MOST_STARTS / max(len(beside), 1))
+    inside = np.all((beside >= _BORDER) & (beside < np.array(label.shape) - _BORDER), axis=1)
+    beside = beside[inside]
+    if sampled < 1:
+        beside = beside[np.sort(rng.choice(len(beside), int(sampled * len(beside)), replace=False))]
+    starts, ends = [beside[:0]], [beside[:0]]
+    for direction in _DIRECTIONS:
+        start = beside[~free[tuple((beside + direction).T)]]
+        for gap in range(1, DEEPEST + 1):
+            end = start + (gap + 1) * direction
+            reached = free[tuple(end.T)]
+            seen = reached & (is_air[tuple(start.T)] | is_air[tuple(end.T)])
+            starts.append(start[seen])
+            ends.append(end[seen])
+            start = start[~reached]
+    return np.concatenate(starts), np.concatenate(ends), sampled
 
 
 def _in_ball(count: int, rng: np.random.Generator) -> Float64:
@@ -107,62 +119,41 @@ def _in_ball(count: int, rng: np.random.Generator) -> Float64:
 
 
 def _meet_nearby(label: Int32, start: Int64, end: Int64) -> Bool:
-    """Whether start and end (n, 3) also meet through free cells around the solid ones between them."""
+    """Whether start and end (n, 3) also meet through free cells along a line beside theirs."""
     met = np.zeros(len(start), bool)
-    step = np.sign(end - start)
     length = np.abs(end - start).max(axis=1)
-    limit = np.array(label.shape) - 1
-    for turn in (1, 2):
-        aside = np.roll(step, turn, axis=1)
-        for side in (-1, 1):
-            reach = np.ones(len(start), bool)  # free cells all the way aside, at both ends
-            for offset in range(1, DETOUR + 1):
-                corner = start + side * offset * aside
-                inside = np.all((corner >= 0) & (corner <= limit), axis=1)
-                line = np.ones(len(start), bool)
-                for k in range(DEEPEST + 2):
-                    cell = np.clip(corner + np.minimum(k, length)[:, None] * step, 0, limit)
-                    is_free = label[tuple(cell.T)] > 0
-                    line &= is_free
-                    if k == 0:
-                        reach &= is_free & inside
-                last = np.clip(end + side * offset * aside, 0, limit)
-                reach &= label[tuple(last.T)] > 0
-                met |= reach & line
+    step = np.sign(end - start)
+    for aside in np.concatenate([np.eye(3, dtype=np.int64), -np.eye(3, dtype=np.int64)]):
+        reach = np.ones(len(start), bool)  # free cells all the way aside, at both ends
+        for offset in range(1, DETOUR + 1):
+            corner = start + offset * aside
+            reach &= (label[tuple(corner.T)] > 0) & (label[tuple((end + offset * aside).T)] > 0)
+            line = reach.copy()
+            for k in range(1, DEEPEST + 1):
+                line &= label[tuple((corner + np.minimum(k, length)[:, None] * step).T)] > 0
+            met |= line
     return met
 
 
-def _clusters(grid: Grid, start: Int64, end: Int64) -> Int64:
-    """Number (n,) of the connected group of solid cells that each pair (n, 3), (n, 3) crosses."""
-    marked = np.zeros(grid.shape, bool)
-    middle = (start + end) // 2
-    marked[tuple(middle.T)] = True
-    groups = ndimage.label(ndimage.binary_dilation(marked, iterations=2))[0]
-    return groups[tuple(middle.T)].astype(np.int64) - 1
+def _clusters(shape: tuple[int, ...], start: Int64, end: Int64) -> Int64:
+    """Number (n,) of the connected group of cells about the middle of each pair (n, 3), (n, 3)."""
+    marked = np.zeros(shape, bool)
+    middle = tuple(((start + end) // 2).T)
+    marked[middle] = True
+    return ndimage.label(ndimage.binary_dilation(marked, iterations=2))[0][middle].astype(np.int64) - 1
 
 
-def _narrowest(
-    rays: RayCaster, start: Float64, end: Float64, widest: float
-) -> tuple[float, tuple[float, float, float]]:
-    """Median over segments (n, 3), (n, 3) of the shortest chord across each, and the middle of that chord."""
-    along = end - start
-    length = np.linalg.norm(along, axis=1, keepdims=True)
-    along /= length
-    helper = np.eye(3)[np.abs(along).argmin(axis=1)]
-    u = np.cross(along, helper)
-    u /= np.linalg.norm(u, axis=1, keepdims=True)
-    v = np.cross(along, u)
-    width, point = np.full(len(start), np.inf), (start + end) / 2
-    for share in (np.arange(_STEPS_ALONG) + 0.5) / _STEPS_ALONG:
-        at = start + share * (end - start)
-        for angle in np.arange(_CHORDS) * np.pi / _CHORDS:
-            direction = np.cos(angle) * u + np.sin(angle) * v
-            ahead, behind = (
-                np.minimum(rays.first_hit(at, sign * direction)[0], widest) for sign in (1.0, -1.0)
-            )
-            shorter = ahead + behind < width
-            width[shorter] = (ahead + behind)[shorter]
-            point[shorter] = (at + ((ahead - behind) / 2)[:, None] * direction)[shorter]
-    middle = int(np.argsort(width, kind="stable")[len(width) // 2])
-    x, y, z = point[middle].tolist()
-    return float(width[middle]), (x, y, z)
+def _width(tree: TriangleTree, start: Float64, end: Float64) -> tuple[float, tuple[float, float, float]]:
+    """Twice the most room that any segment (n, 3), (n, 3) has where it is closest to a surface; and there."""
+    low, high = np.zeros(len(start)), np.ones(len(start))
+    rows = np.arange(len(start))
+    for _ in range(3):  # ever closer around each segment's narrowest place
+        share = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, _STEPS_ALONG)
+        points = start[:, None] + share[:, :, None] * (end - start)[:, None]
+        room = tree.nearest(points.reshape(-1, 3))[0].reshape(share.shape)
+        narrowest = room.argmin(axis=1)
+        low = share[rows, np.maximum(narrowest - 1, 0)]
+        high = share[rows, np.minimum(narrowest + 1, _STEPS_ALONG - 1)]
+    widest = int(room.min(axis=1).argmax())
+    x, y, z = points[widest, narrowest[widest]].tolist()
+    return 2 * float(room[widest, narrowest[widest]]), (x, y, z)
