@@ -65,13 +65,15 @@ class Sources:
 
     shapes: candidates that are always on offer, with factors `bonus` (n,) on their gains; proposers: asked
     for more in every round, given the set's distances (p,), by the names of the steps that they are; body: a
-    complete set of at most so many shapes, made another way, which competes by its error.
+    complete set of at most so many shapes, made another way, which competes by its error; alone: where not 0,
+    the body's own fit of this size is the set, without any growth.
     """
 
     shapes: Shapes
     bonus: Float64
     proposers: Mapping[str, Callable[[Float64, np.random.Generator], Shapes]]
     body: Callable[[int], Shapes] | None = None
+    alone: int = 0
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,8 @@ def build(
     empty = max(error(no_shapes(), targets), np.finfo(float).tiny)
     rng = np.random.default_rng(seed)
     growth = _Growth(targets, sources, scope, len(fixed), enough.least_gain * empty, max_step, rng)
+    if sources.alone and sources.body and not len(fixed):
+        return prune(sources.body(sources.alone), targets, least_gain=growth.least)
     lower, upper = no_shapes(), fixed
     for rung in (r for r in RUNGS if r > len(fixed)):
         lower, upper = upper, growth.climb(upper, rung)

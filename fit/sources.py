@@ -25,6 +25,14 @@ LEAST_BODY = 0.95
 """Of the seen surface, that a solid must bound to compete as a complete set made from its volume."""
 
 
+BODY_ALONE = 64
+"""Shapes up to which a closed body's own fit is the set: growing beside it takes three times as long, and
+fills the body no better (Spot at 24: IoU 0.943 in 40 s grown, 0.948 in 14 s alone)."""
+
+BODY_BY_DEFAULT = 32
+"""Shapes that a closed body gets at most when no budget is given."""
+
+
 def whole_solid(air: Air, seen: Seen) -> Solid | None:
     """The solid that the seen surface bounds, where it is closed."""
     solid = find_solid(air)
@@ -49,8 +57,18 @@ def find_sources(
     if solid is None:
         return Sources(parts.shapes, bonus, proposers)
     return Sources(
-        parts.shapes, bonus, proposers, body=lambda size: fit_body(solid, air, size, seed=settings.seed)
-    )
+        parts.shapes, bonus, proposers,
+        body=lambda size: fit_body(solid, air, size, seed=settings.seed), alone=_size_alone(settings),
+    )  # fmt: skip
+
+
+def _size_alone(settings: FitSettings) -> int:
+    """At which size a closed body's own fit is the set; 0 where the growth has its say."""
+    if settings.max_error is not None or set(settings.kinds) != set(KINDS) or "bodies" not in settings.steps:
+        return 0
+    if settings.max_primitives is None and settings.preset is None:
+        return min(settings.limit(), BODY_BY_DEFAULT)
+    return settings.limit() if settings.limit() <= BODY_ALONE else 0
 
 
 def exact_whole(parts: PartFits, settings: FitSettings) -> Shapes:
