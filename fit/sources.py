@@ -24,6 +24,9 @@ PART_BONUS, EXACT_BONUS = 1.1, 1.5
 LEAST_BODY = 0.95
 """Of the seen surface, that a solid must bound to compete as a complete set made from its volume."""
 
+ON_BODY_CELLS = 0.3
+"""How far off the seen surface a solid's boundary may lie: the wrap of a body with holes keeps 0.18."""
+
 
 BODY_ALONE = 64
 """Shapes up to which a closed body's own fit is the set: growing beside it takes three times as long, and
@@ -38,7 +41,7 @@ def whole_solid(air: Air, seen: Seen) -> Solid | None:
     solid = find_solid(air)
     if solid is None:
         return None
-    bounds = solid.tree.nearest(seen.samples.points)[0] < 1e-3 * air.cell
+    bounds = solid.tree.nearest(seen.samples.points)[0] < ON_BODY_CELLS * air.cell
     return solid if seen.weights @ bounds >= LEAST_BODY * seen.weights.sum() else None
 
 
