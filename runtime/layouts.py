@@ -9,12 +9,14 @@ from runtime.camera import Frame
 from runtime.ddgi import DdgiInfo, DdgiUpdate, RelocateSettings
 from runtime.lights import Light, Lighting
 from runtime.meshes import Instance, SurfaceMaterial
+from runtime.path_tracer import PathSettings
 from runtime.probes import ProbeGridInfo, ProbeRecord
 from runtime.sdfddgi import PlaceSettings, ProbeHistory, UpdateSettings
 from runtime.sky import SkyModel
 from runtime.structs import GpuStruct
 from runtime.technique import GatherInfo
 from runtime.tracer import RayHit, TracedRay
+from runtime.triangles import TriangleCorner, TriangleImage, TriangleInfo, TriangleMaterial
 from runtime.views import Display
 from runtime.world import WorldInfo
 
@@ -38,4 +40,9 @@ STRUCTS: tuple[type[GpuStruct], ...] = (
     DdgiInfo,
     RelocateSettings,
     DdgiUpdate,
+    TriangleInfo,
+    TriangleCorner,
+    TriangleMaterial,
+    TriangleImage,
+    PathSettings,
 )

@@ -49,3 +49,28 @@ def gpu():
         return open_device()
     except NoAdapter as error:
         pytest.skip(str(error))
+
+
+@pytest.fixture(scope="session")
+def mesh_of_boxes():
+    """Makes a scene that draws a cube for each box of a set that is not turned, all in one colour."""
+    from fit.primitives import PrimitiveSet
+    from fit.scene import Instance, Material, Mesh, Scene
+
+    def make(boxes: PrimitiveSet, material: Material | None = None) -> Scene:
+        corners = np.array([[(k >> axis & 1) - 0.5 for axis in range(3)] for k in range(8)])
+        faces = corners[[[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]]
+        normals = np.repeat(2 * faces.mean(axis=1), 4, axis=0)
+        triangles = np.array([(4 * k, 4 * k + i + 1, 4 * k + i) for k in range(6) for i in (1, 2)], np.uint32)
+        cube = Mesh("cube", faces.reshape(-1, 3), normals, triangles, 0)
+        places = [np.diag([*size, 1.0]) for size in boxes.sizes]
+        for place, position in zip(places, boxes.positions, strict=True):
+            place[:3, 3] = position
+        return Scene(
+            source=Path(__file__),
+            meshes=(cube,),
+            materials=(material or Material(base_color=(0.5, 0.5, 0.5, 1.0)),),
+            instances=tuple(Instance(0, -1, place) for place in places),
+        )
+
+    return make

@@ -16,7 +16,7 @@ Float32 = NDArray[np.float32]
 
 WRAPS = {Wrap.REPEAT: "repeat", Wrap.MIRROR: "mirror", Wrap.CLAMP: "clamp"}
 
-CUTOUT_SCALE = 4
+CUTOUT_SCALE = 8
 """Alpha is filtered to so many texels a texel and cut there: Mitsuba's mask is a share, glTF's a limit."""
 
 

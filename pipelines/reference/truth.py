@@ -75,14 +75,17 @@ class Reference:
         notes: tuple[str, ...] = (),
     ) -> None:
         self._mi, self.origin, self.diagonal, self.notes = mi, origin, diagonal, notes
-        path = {"type": "path", "max_depth": -1, "rr_depth": ROULETTE_DEPTH}
+        # `path` takes cut-outs for walls on the way to a lamp; `volpath` does not, and costs more.
+        has_cutouts = any(shape["bsdf"]["type"] == "mask" for shape in shapes.values())
+        kind = "volpath" if has_cutouts else "path"
+        path = {"type": kind, "max_depth": -1, "rr_depth": ROULETTE_DEPTH}
         self._scene = _load_scene(mi, path, shapes, lights)
         lamps = {name: light for name, light in lights.items() if name != "sky"}
         dark = {
             name: {key: value for key, value in shape.items() if key != "emitter"}
             for name, shape in shapes.items()
         }
-        integrator = {"type": "path", "max_depth": 2}
+        integrator = {"type": kind, "max_depth": 2}
         self._lamps_only = _load_scene(mi, integrator, dark, lamps) if lamps else None
 
     def picture(

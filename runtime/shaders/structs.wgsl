@@ -179,3 +179,41 @@ struct DdgiUpdate {  // 64 bytes
     reach: f32,              // 56
     bounce: f32,             // 60
 }
+
+struct TriangleInfo {  // 4 bytes
+    first_leaf: u32,  // 0
+}
+
+struct TriangleCorner {  // 24 bytes
+    normal: u32,         // 0
+    color: u32,          // 4
+    base_uv: vec2f,      // 8
+    emission_uv: vec2f,  // 16
+}
+
+struct TriangleMaterial {  // 48 bytes
+    base_color: vec4f,     // 0
+    emission: vec3f,       // 16
+    alpha_cutoff: f32,     // 28
+    base_image: u32,       // 32
+    emission_image: u32,   // 36
+    is_double_sided: u32,  // 40
+}
+
+struct TriangleImage {  // 24 bytes
+    first: u32,      // 0
+    width: u32,      // 4
+    height: u32,     // 8
+    wrap_u: u32,     // 12
+    wrap_v: u32,     // 16
+    is_linear: u32,  // 20
+}
+
+struct PathSettings {  // 24 bytes
+    count: u32,         // 0
+    row: u32,           // 4
+    samples: u32,       // 8
+    first_sample: u32,  // 12
+    seed: u32,          // 16
+    margin: f32,        // 20
+}

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from fit.primitives import PrimitiveSet, make_box
-from fit.scene import Instance, Material, Mesh, Scene
 from runtime.lights import Illumination, Sun
 from runtime.renderer import Renderer
 from runtime.settings import RenderSettings, ShadowSettings
@@ -85,23 +84,8 @@ def test_sealed_room_is_black_when_turned(
     assert_black(stage.irradiance(points, normals), open_mean)
 
 
-def mesh_of_boxes(boxes: PrimitiveSet) -> Scene:
-    """A cube drawn for each box of a set that is not turned."""
-    corners = np.array([[(k >> axis & 1) - 0.5 for axis in range(3)] for k in range(8)])
-    faces = corners[[[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]]
-    normals = np.repeat(2 * faces.mean(axis=1), 4, axis=0)
-    triangles = np.array([(4 * k, 4 * k + i, 4 * k + i + 1) for k in range(6) for i in (1, 2)], np.uint32)
-    cube = Mesh("cube", faces.reshape(-1, 3), normals, triangles, 0)
-    grey = Material(base_color=(0.5, 0.5, 0.5, 1.0))
-    places = [np.diag([*size, 1.0]) for size in boxes.sizes]
-    for place, position in zip(places, boxes.positions, strict=True):
-        place[:3, 3] = position
-    instances = tuple(Instance(0, -1, place) for place in places)
-    return Scene(source=__file__, meshes=(cube,), materials=(grey,), instances=instances)
-
-
 def test_sealed_room_is_black_under_reflective_shadow_maps(
-    technique, gpu, settings_of, make_room, inner_surface, grid_over, open_mean
+    technique, gpu, settings_of, make_room, inner_surface, grid_over, open_mean, mesh_of_boxes
 ):
     """With the room's mesh, so that probes read its sunlit outside where they may; the open room tells that
     they do."""

@@ -1,5 +1,7 @@
 """The reference against what is known in closed form, against our own path tracer, and against itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -48,24 +50,6 @@ def inner_points(count: int, seed: int = 0):
     normals = np.zeros((count, 3))
     normals[rows, axis] = -side
     return points, normals
-
-
-def mesh_of_boxes(boxes: PrimitiveSet) -> Scene:
-    corners = np.array([[(k >> axis & 1) - 0.5 for axis in range(3)] for k in range(8)])
-    faces = corners[[[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]]
-    normals = np.repeat(2 * faces.mean(axis=1), 4, axis=0)
-    triangles = np.array([(4 * k, 4 * k + i, 4 * k + i + 1) for k in range(6) for i in (1, 2)], np.uint32)
-    cube = Mesh("cube", faces.reshape(-1, 3), normals, triangles, 0)
-    places = [np.diag([*size, 1.0]) for size in boxes.sizes]
-    for place, position in zip(places, boxes.positions, strict=True):
-        place[:3, 3] = position
-    grey = Material(base_color=(*(float(c) for c in boxes.albedo[0, 0]), 1.0))
-    return Scene(
-        source=__file__,
-        meshes=(cube,),
-        materials=(grey,),
-        instances=tuple(Instance(0, -1, p) for p in places),
-    )
 
 
 def quad(material: Material, **extra) -> Scene:
@@ -133,7 +117,7 @@ def test_agrees_with_our_own_path_tracer():
     assert found.value.mean() == pytest.approx(float(own.mean()), rel=0.03)
 
 
-def test_a_mesh_and_the_primitives_that_it_is_agree():
+def test_a_mesh_and_the_primitives_that_it_is_agree(mesh_of_boxes):
     boxes = PrimitiveSet.concatenate(
         [room(opening=True), make_box((0.3, -1, 0.2), (0.8, 1, 0.6), albedo=[0.5] * 3)]
     )
@@ -230,6 +214,26 @@ def test_cut_outs_let_light_through_and_show_the_sky():
     found = mesh_reference(black, light).irradiance(behind, [[0, 0, 1.0]] * 2, samples=256)
     assert found.value[0, 0] > 0.9 * np.pi / 4
     assert found.value[1, 0] < 0.1 * np.pi / 4
+
+
+def test_lamps_shine_through_cut_outs():
+    """Half of a screen is holes: a sun behind it lights what faces it through them."""
+    pixels = np.full((2, 2, 4), 255)
+    pixels[0, :, 3] = 20
+    screen = textured(pixels, alpha_mode=AlphaMode.MASK, alpha_cutoff=0.5)
+    wall = replace(screen.meshes[0], positions=screen.meshes[0].positions - (0, 0, 0.2), material=1)
+    both = replace(
+        screen,
+        meshes=(*screen.meshes, wall),
+        materials=(*screen.materials, Material()),
+        instances=(*screen.instances, Instance(1, -1, np.eye(4))),
+    )
+    sun = Illumination((Sun((0, 0, 1), np.pi),))
+    behind = mesh_reference(both, sun).irradiance(
+        [[0, 0.5, -0.1], [0, -0.5, -0.1]], [[0, 0, -1.0]] * 2, samples=256
+    )
+    assert behind.value[0, 0] > 0.8 * np.pi
+    assert behind.value[1, 0] < 0.2 * np.pi
 
 
 def test_lamps_that_are_double_sided_shine_both_ways():

@@ -1,15 +1,14 @@
 // Direct light with shadows. Suns and the first spots have a tile in the shadow atlas, which doubles as a
 // reflective shadow map (Dachsbacher and Stamminger 2005); every other light is shadowed by tracing the primitives.
 
-import package::structs::{Light, Lighting};
+import package::structs::{Light};
 import package::lib::brdf::{brdf_lambert};
 import package::lib::camera::{camera_distance, camera_view_position};
+import package::lib::light_list::{lighting, lights};
 import package::lib::march::{trace_start_seen, trace_visibility};
 import package::lib::normal::{normal_unpack};
 import package::lib::punctual::{PUNCTUAL_SUN, punctual_attenuation, punctual_direction, punctual_distance};
 
-@group(3) @binding(3) var<uniform> lighting: Lighting;
-@group(3) @binding(4) var<storage, read> lights: array<Light>;
 @group(3) @binding(5) var shadow_depth: texture_depth_2d;
 @group(3) @binding(6) var shadow_sampler: sampler_comparison;
 @group(3) @binding(7) var rsm_normal: texture_2d<u32>;

@@ -1,0 +1,144 @@
+"""The truth on the GPU: irradiance at any points by path tracing the scene's triangles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fit.scene import Float64, Scene
+from runtime.device import Gpu
+from runtime.direct import LightMaps
+from runtime.encoder import Recorder
+from runtime.kernel import Kernel
+from runtime.lights import Illumination
+from runtime.resources import Buffer
+from runtime.settings import ShadowSettings
+from runtime.sky import SkyMap
+from runtime.structs import GpuStruct, f32, u32
+from runtime.triangles import Triangles
+
+MARGIN = 1e-5
+"""Of the scene's diagonal: how far off a surface rays start."""
+
+SAMPLES_AT_ONCE = 4
+"""Samples of one dispatch: few enough that no driver takes it for a hang."""
+
+ROW = 1 << 15
+"""Points in a row of workgroups; more go to further rows."""
+
+
+class PathSettings(GpuStruct):
+    count: u32
+    row: u32
+    samples: u32
+    first_sample: u32
+    seed: u32
+    margin: f32
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """Means (n, 3) over `samples` paths a point, their two independent halves, and standard errors (n,) of
+    the mean of the three channels."""
+
+    irradiance: Float64
+    first: Float64
+    second: Float64
+    standard_error: Float64
+    samples: int
+
+    @property
+    def noise(self) -> float:
+        """Mean absolute noise as a share of the mean: half of what the halves differ by."""
+        level = float(self.irradiance.mean()) if len(self.irradiance) else 0.0
+        return float(np.abs(self.first - self.second).mean() / 2 / level) if level > 0 else 0.0
+
+
+class PathTracer:
+    """Path traces one scene under one light.
+
+    Diffuse base colour with textures and cut-outs, interpolated normals, every face two-sided; lamps shine
+    from their front, double-sided ones from both sides. Raises ValueError where there is nothing to trace.
+    """
+
+    def __init__(self, gpu: Gpu, scene: Scene, illumination: Illumination) -> None:
+        self.gpu = gpu
+        lower, upper = scene.bounds()
+        self.origin = (lower + upper) / 2
+        self.triangles = Triangles(gpu, scene, self.origin)
+        self._sky = SkyMap(gpu, illumination.sky)
+        self._lights = LightMaps(gpu, self.origin, ShadowSettings(max_suns=0, max_spots=0), None)
+        self._lights.set(illumination.lights)
+        self._kernel = Kernel(gpu, "triangles/gather_paths")
+
+    def irradiance(
+        self,
+        points: ArrayLike,
+        normals: ArrayLike,
+        *,
+        samples: int = 256,
+        target: float | None = None,
+        seed: int = 0,
+        progress: Callable[[float], None] | None = None,
+    ) -> Gathered:
+        """Indirect E, W/m2, at world points (n, 3) with unit normals (n, 3): sky, emission and all bounces.
+
+        target: mean absolute noise, a share of the mean, at which to end before `samples`.
+        """
+        rows = np.zeros((len(np.asarray(points)), 2, 4), np.float32)
+        if len(rows) == 0:
+            empty = np.zeros((0, 3))
+            return Gathered(empty, empty, empty, np.zeros(0), 0)
+        rows[:, 0, :3] = np.asarray(points, np.float64) - self.origin
+        rows[:, 1, :3] = normals
+        buffer = Buffer(self.gpu, rows, label="points")
+        halves = [Buffer(self.gpu, np.zeros((len(rows), 4), np.float32), label="sums") for _ in range(2)]
+        done = 0
+        check_at = 64
+        while done < samples:
+            for half in halves:
+                self._add(buffer, half, len(rows), done, seed)
+                done += SAMPLES_AT_ONCE
+            if progress:
+                progress(min(done / samples, 1.0))
+            if target is not None and done >= check_at:
+                check_at *= 2
+                if _summary(halves, len(rows), done).noise <= target:
+                    break
+        return _summary(halves, len(rows), done)
+
+    def _add(self, points: Buffer, sums: Buffer, count: int, first: int, seed: int) -> None:
+        row = min(count, ROW)
+        settings = PathSettings.pack(
+            count=count,
+            row=row,
+            samples=SAMPLES_AT_ONCE,
+            first_sample=first,
+            seed=seed,
+            margin=MARGIN * self.triangles.diagonal,
+        )
+        rec = Recorder(self.gpu, label="paths")
+        with rec.compute(self._kernel.name) as compute_pass:
+            self._kernel.dispatch(
+                compute_pass,
+                self._kernel.groups_for(row, -(-count // row)),
+                self.triangles.bindings(),
+                self._sky.bindings(),
+                self._lights.bindings(),
+                settings=Buffer(self.gpu, settings, "uniform", label="path settings"),
+                points=points,
+                sums=sums,
+            )
+        rec.submit()
+
+
+def _summary(halves: list[Buffer], count: int, samples: int) -> Gathered:
+    first, second = (half.read(np.float32, (count, 4)).astype(np.float64) for half in halves)
+    mean = (first + second)[:, :3] / samples
+    spread = np.maximum((first + second)[:, 3] / samples - mean.mean(axis=1) ** 2, 0)
+    half = samples / 2
+    error: NDArray[np.float64] = np.sqrt(spread / samples)
+    return Gathered(mean, first[:, :3] / half, second[:, :3] / half, error, samples)
