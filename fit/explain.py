@@ -34,6 +34,9 @@ MOST_UNEXPLAINED = 0.005
 _FAILURES = 8
 """Of the largest patches that fit nothing: then the shell is no union of primitives."""
 
+_SPECK = 1e-6
+"""Share of the area that a patch has at least: smaller ones are crumbs of rounding."""
+
 _FRAMES = 4
 """Frames of boxes with flush faces in one shell."""
 
@@ -98,7 +101,9 @@ def _explain_shell(patches: Patches, own: Int64) -> list[Fragment]:
     """Fragments of the patches of one shell, joined; none unless they explain nearly all of it."""
     facets = patches.facets
     areas = np.bincount(patches.of_facet, facets.areas, len(patches))
+    total = areas[own].sum()
     own = own[np.argsort(-areas[own], kind="stable")]
+    own = own[areas[own] > _SPECK * total]
     if len(own) > MOST_PATCHES:
         return []
     fragments, loose = [], []
@@ -114,7 +119,7 @@ def _explain_shell(patches: Patches, own: Int64) -> list[Fragment]:
     fragments = _join_fragments(patches, fragments, samples)
     fragments, loose = _absorb(patches, fragments, loose, samples)
     left = np.flatnonzero(np.isin(patches.of_facet, loose))
-    most = MOST_UNEXPLAINED * areas[own].sum()
+    most = MOST_UNEXPLAINED * total
     if facets.areas[left].sum() > most:
         fragments = _separate(patches, fragments, left, samples, own)
         left = _unclaimed(fragments, left)
@@ -196,7 +201,7 @@ def _separate(
         found = flush_boxes(solid, ends, frame, fragments)
         if not found:
             break
-        fragments, rest = _claim(patches, fragments + found, left)
+        fragments, rest = _claim_by_few(patches, fragments, found, left)
         if len(rest) == len(left):
             break
         left = rest
@@ -232,6 +237,21 @@ def _main_frame(facets: Facets, rows: Int64) -> Float64 | None:
     if len(across) == 0:
         return None
     return right_handed(np.stack([normals[0], normals[across[0]]], axis=1))
+
+
+def _claim_by_few(
+    patches: Patches, fragments: list[Fragment], boxes: list[Fragment], left: Int64
+) -> tuple[list[Fragment], Int64]:
+    """`_claim` with the boxes that it takes: those of cells that a round side cuts unseen are left out."""
+    claimed, rest = _claim(patches, fragments + boxes, left)
+    for box in boxes:
+        fewer = [b for b in boxes if b is not box]
+        if not fragments + fewer:
+            break
+        others, without = _claim(patches, fragments + fewer, left)
+        if len(without) == len(rest):
+            claimed, boxes = others, fewer
+    return claimed, rest
 
 
 def _claim(patches: Patches, fragments: list[Fragment], left: Int64) -> tuple[list[Fragment], Int64]:

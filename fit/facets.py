@@ -301,12 +301,11 @@ def _assemble(
 def find_patches(facets: Facets, admitted: Bool | None = None) -> Int64:
     """Patch of each facet (f,): facets that hang together by clearly convex edges, or those `admitted` (e,).
 
-    Rounding turns edges of its own length any way, and facets without a direction of their own.
+    Rounding turns edges of its own length any way.
     """
     slack = facets.slack()[facets.pair]
     ends = facets.points[facets.edge_vertices]
     certain = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > _SHORT * facets.tolerance
-    certain &= slack.max(axis=1, initial=0.0) <= _NARROW
     linked = certain & (facets.angles > slack.sum(axis=1))
     if admitted is not None:
         linked &= admitted

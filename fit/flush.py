@@ -69,13 +69,9 @@ def flush_boxes(solid: Solid, ends: Float64, frame: Float64, known: list[Fragmen
     held = _held(boxes, cells)
     boxes = boxes[_fewest(held)]
     boxes = _shrunk(boxes, cells)
+    low, high = (np.stack([planes[k][boxes[:, end, k]] for k in range(3)], axis=1) for end in (0, 1))
     none = np.zeros(0, np.int64)
-    return [
-        Fragment(
-            Kind.BOX, frame, *(np.array([planes[k][end[k]] for k in range(3)]) for end in box), 1.0, none
-        )
-        for box in boxes
-    ]
+    return [Fragment(Kind.BOX, frame, a, b, 1.0, none) for a, b in zip(low, high, strict=True)]
 
 
 def _distinct(values: Float64, tolerance: float) -> Float64:
