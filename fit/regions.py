@@ -15,26 +15,30 @@ from numpy.typing import NDArray
 from fit.merge_regions import hierarchy
 from fit.objective import Targets, distances_from, near_rows, penalties
 from fit.partition import link, partition
+from fit.round_regions import round_shapes
 from fit.scene import Float64
 from fit.shapes import Shapes, join, no_shapes
 from fit.slabs import Patch, make_patch, slabs
 from fit.spaces import Air
-from fit.targets import Seen
 
 Int64 = NDArray[np.int64]
 
-REGIONS = 400
-"""Facets that the surface is first cut into."""
+REGIONS, SAMPLES_PER_REGION = 400, 15
+"""Facets at most that the surface is first cut into, and samples that each has on average at least."""
 
-MOST_STANDING, MOST_NEW = 600, 200
-"""Candidates found for the empty set, which stay on offer, and those found for what a set lacks."""
+MOST_STANDING, MOST_ROUND, MOST_NEW = 600, 100, 200
+"""Slabs and round shapes found for the empty set, which stay on offer, and slabs for what a set lacks."""
 
 MOST_PATCHES = 80
 """Patches asked in one round, those whose surface lacks most, once there is a set."""
 
-MOST_TOO_NEAR = 0.05
+MOST_TOO_NEAR = 0.03
 """Of its gain, that a candidate may cost where it is nearer than the surface: unlike what it leaves out, no
-later shape can mend that. On a large scene at 64 shapes, 0.1 leaves an error of 192, 0.05 of 138."""
+later shape can mend that. Of 96 shapes chosen on a large scene, those under 0.1 leave an error of
+494, under 0.05 of 436, under 0.02 of 417."""
+
+SAME_NODE = 0.9
+"""Of a node's weight: one of its parts that has as much offers as good candidates."""
 
 _SAME = 0.25
 """Of a cell: candidates of nearly equal corners are one."""
@@ -58,25 +62,37 @@ def find_regions(air: Air, targets: Targets, *, seed: int = 0) -> Regions:
         return Regions(air, rows, (), no_shapes())
     points = (targets.points[rows] - air.origin) / air.cell
     samples = link(points, targets.normals[rows], targets.weights[rows])
-    label = partition(samples, REGIONS, np.random.default_rng(seed))
+    label = partition(samples, min(REGIONS, len(rows) // SAMPLES_PER_REGION + 6), np.random.default_rng(seed))
     order = np.argsort(label, kind="stable")
     starts = np.searchsorted(label[order], np.arange(int(label.max()) + 2))
-    patches, found = [], []
+    patches, found, rounded = [], [], []
     everything = np.ones(len(rows))
-    for regions in hierarchy(samples, label)[0]:
+    own_weights = np.bincount(label, samples.weights).astype(np.float64)
+    for regions in _distinct(hierarchy(samples, label)[0], own_weights):
         members = np.sort(np.concatenate([order[starts[r] : starts[r + 1]] for r in regions]))
         patch = make_patch(samples, members, air)
         if patch is not None:
             patches.append(patch)
             found.append(slabs(patch, everything, air))
+        rounded.append(round_shapes(samples, members, air))
     far = np.full(len(targets), targets.reach)
-    standing = _most_useful(join(found), targets, far, air.cell)[:MOST_STANDING]
-    return Regions(air, rows, tuple(patches), join(found).select(standing))
+    standing = [
+        _most_useful(join(several), targets, far, air.cell, most)
+        for several, most in ((found, MOST_STANDING), (rounded, MOST_ROUND))
+    ]
+    return Regions(air, rows, tuple(patches), join(standing))
 
 
-def propose_regions(air: Air, seen: Seen, targets: Targets, *, seed: int = 0) -> Shapes:
-    """Boxes, cylinders and spheres (none exact) that each explain a region, the most useful alone first."""
-    return find_regions(air, targets, seed=seed).standing
+def _distinct(nodes: list[tuple[int, ...]], weights: Float64) -> list[tuple[int, ...]]:
+    """The nodes of a hierarchy without those that are hardly more than one that they were merged from."""
+    largest: dict[int, float] = {}
+    kept = []
+    for regions in nodes:
+        weight = float(weights[list(regions)].sum())
+        if max(largest.get(r, 0.0) for r in regions) < SAME_NODE * weight:
+            kept.append(regions)
+            largest.update(dict.fromkeys(regions, weight))
+    return kept
 
 
 def propose_slabs(regions: Regions, targets: Targets, distances: Float64) -> Shapes:
@@ -90,12 +106,12 @@ def propose_slabs(regions: Regions, targets: Targets, distances: Float64) -> Sha
     lacks = np.array([float(missing[p.members].sum()) for p in regions.patches])
     worst = [i for i in np.argsort(-lacks, kind="stable")[:MOST_PATCHES] if lacks[i] > 0]
     found = join([slabs(regions.patches[i], need, regions.air) for i in worst])
-    new = _most_useful(found, targets, current, regions.air.cell)[:MOST_NEW]
-    return join([regions.standing, found.select(new)])
+    new = _most_useful(found, targets, current, regions.air.cell, MOST_NEW)
+    return join([regions.standing, new])
 
 
-def _most_useful(candidates: Shapes, targets: Targets, current: Float64, cell: float) -> Int64:
-    """Rows of those that lower the error most, without near doubles and those that reach into the air."""
+def _most_useful(candidates: Shapes, targets: Targets, current: Float64, cell: float, most: int) -> Shapes:
+    """Those that lower the error most, without near doubles and those that reach into the air."""
     gains, losses = _gains(candidates, targets, current)
     order = np.argsort(-gains, kind="stable")
     order = order[losses[order] < MOST_TOO_NEAR * gains[order]]
@@ -103,7 +119,7 @@ def _most_useful(candidates: Shapes, targets: Targets, current: Float64, cell: f
     key = np.concatenate([candidates.centers, corners.sum(axis=2), corners.max(axis=2)], axis=1)
     key = np.rint(key[order] / (_SAME * cell)).astype(np.int64)
     _, first = np.unique(key, axis=0, return_index=True)
-    return order[np.sort(first)]
+    return candidates.select(order[np.sort(first)][:most])
 
 
 def _gains(candidates: Shapes, targets: Targets, current: Float64) -> tuple[Float64, Float64]:

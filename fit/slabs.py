@@ -31,7 +31,7 @@ OFF_PLANE = 0.6
 MARGIN = 2.0
 """Cells around the region's own samples that a rectangle may reach: it meets the walls across."""
 
-LEAST_STEP, MOST_STEPS = 0.5, 40
+LEAST_STEP, MOST_STEPS = 0.5, 32
 """Cells of the air's grid to one of the raster, and cells of the raster along a side."""
 
 DEPTHS = (0.0, 1.0, 2.0, 3.0, 4.5, 6.0)
@@ -46,8 +46,8 @@ THIN = 0.5
 SHEET = 0.1
 """Cells of thickness of a slab whose two sides are one surface."""
 
-AIR_COST = 2.0
-"""Of a raster cell of air against one of surface."""
+AIR_COST = 4.0
+"""Of a raster cell of air against one of surface: a door of a fifth of its wall stays open."""
 
 UNSEEN_COST = 0.05
 """Of any raster cell: a rectangle is no larger than it must be."""
