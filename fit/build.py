@@ -41,7 +41,7 @@ CHOSEN_BY = 3
 MOVED_SHARE = 1 / 10
 """Of the shapes: the least useful, which may move to where the error is largest at the end of a round."""
 
-EVALUATIONS = 30
+EVALUATIONS = 60
 """Of the error, in one pass of the refinement."""
 
 STEPS = ("parts", "growing", "regions", "bodies", "refinement", "merging", "splitting", "teleportation")
@@ -154,7 +154,7 @@ class _Growth:
         for step, move in (("splitting", self._split), ("teleportation", self._teleported)):
             if step in self.scope.steps and len(grown) > self.kept:
                 grown = self._better(move(grown, size), grown)
-        return grown
+        return self._better(self._refined(grown, finish=True), grown)
 
     def _teleported(self, shapes: Shapes, size: int) -> Shapes:
         """The least useful shapes, or one of two that are alike, moved to where the error is largest."""
@@ -204,11 +204,13 @@ class _Growth:
         allowed = are_of(candidates, self.scope.kinds)
         return candidates.select(allowed), bonus[allowed]
 
-    def _refined(self, shapes: Shapes, free: NDArray[np.bool_] | bool = True) -> Shapes:
+    def _refined(self, shapes: Shapes, free: NDArray[np.bool_] | bool = True, finish: bool = False) -> Shapes:
         if "refinement" not in self.scope.steps:
             return shapes
         free = free & ~shapes.exact & (np.arange(len(shapes)) >= self.kept)
-        refined = refine(shapes, self.targets, max_step=self.max_step, evaluations=EVALUATIONS, free=free)
+        refined = refine(
+            shapes, self.targets, max_step=self.max_step, evaluations=EVALUATIONS, free=free, finish=finish
+        )
         return refined if are_of(refined, self.scope.kinds)[self.kept :].all() else shapes
 
     def _better(self, one: Shapes, other: Shapes) -> Shapes:

@@ -1,7 +1,8 @@
-"""Joint refinement of a set, every parameter at once: least squares on the roots of the error, then L-BFGS.
+"""Joint refinement of a set, every parameter at once: nlopt's L-BFGS, and scipy's least squares to finish.
 
-Each target depends on one shape, the nearest, so the Jacobian is sparse, and scipy's trust region method
-(Branch, Coleman and Li 1999) knows a curvature that L-BFGS has to learn. nlopt's L-BFGS then finishes.
+Each target depends on one shape, the nearest, so the Jacobian of the errors' roots is sparse, and scipy's
+trust region method (Branch, Coleman and Li 1999) knows a curvature that L-BFGS has to learn: near the optimum
+it gets further in fewer steps. From afar it runs into worse optima.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ MAX_TURN = 0.3
 """Radians that a shape may turn in one refinement: farther away lies another start, not this optimum."""
 
 LEAST_SQUARES_STEPS = 12
-"""Evaluations of scipy's trust region method, which goes first; docs/method.md has figures."""
+"""Evaluations of scipy's trust region method; docs/method.md has figures."""
 
 _WITHIN = 1e-9
 """How far inside its bounds the trust region method starts, in units of a step."""
@@ -49,18 +50,20 @@ def refine(
     evaluations: int,
     free: NDArray[np.bool_] | None = None,
     passes: int = 2,
+    finish: bool = False,
 ) -> Shapes:
-    """The set after least squares and L-BFGS (Nocedal 1980) have moved, turned and resized its shapes.
+    """The set after L-BFGS (Nocedal 1980, as in nlopt) has moved, turned and resized its shapes.
 
     max_step: metres that a centre or a face may move in one pass; free (n,) bool: the shapes that may change
-    (default: all that are not exact). The returned set's error is never above the given one's.
+    (default: all that are not exact); finish: by least squares, from near the optimum. The returned set's
+    error is never above the given one's.
     """
     free = ~shapes.exact if free is None else free
     best, lowest = shapes, error(shapes, targets)
     for _ in range(passes):
         if not free.any():
             break
-        candidate = _descend(best, targets, free, max_step, evaluations)
+        candidate = _descend(best, targets, free, max_step, evaluations, finish)
         reached = error(candidate, targets)
         if not reached < lowest:
             break
@@ -72,14 +75,19 @@ def refine(
 
 
 def _descend(
-    shapes: Shapes, targets: Targets, free: NDArray[np.bool_], max_step: float, evaluations: int
+    shapes: Shapes,
+    targets: Targets,
+    free: NDArray[np.bool_],
+    max_step: float,
+    evaluations: int,
+    finish: bool,
 ) -> Shapes:
     moving = shapes.select(free)
     targets = _in_sight(moving, targets, 2 * MOST_STEPS * max_step)
     pairs = _pairs_that_matter(moving, shapes.select(~free), targets, max_step)
     if len(pairs.place) == 0:
         return shapes
-    refined = _minimise(moving, targets, pairs, max_step, evaluations)
+    refined = _minimise(moving, targets, pairs, max_step, evaluations, finish)
     rows = np.flatnonzero(free)
     joined = {f.name: getattr(shapes, f.name).copy() for f in fields(Shapes)}
     for name, values in joined.items():
@@ -130,8 +138,10 @@ def _pairs_that_matter(moving: Shapes, others: Shapes, targets: Targets, max_ste
     return _Pairs(places[place], shape, starts, run, targets.select(members), fixed[members])
 
 
-def _minimise(moving: Shapes, targets: Targets, pairs: _Pairs, max_step: float, evaluations: int) -> Shapes:
-    """The moving shapes at the lowest error that scipy's least squares and then nlopt have seen."""
+def _minimise(
+    moving: Shapes, targets: Targets, pairs: _Pairs, max_step: float, evaluations: int, finish: bool
+) -> Shapes:
+    """The moving shapes at the lowest error that nlopt, or to `finish` scipy, has seen."""
     scale = _scales(moving, max_step)
     lower, upper = (b.ravel() for b in _bounds(moving, targets.reach, max_step, scale))
     best_x, best_value = np.clip(np.zeros(scale.size), lower, upper), np.inf
@@ -152,13 +162,15 @@ def _minimise(moving: Shapes, targets: Targets, pairs: _Pairs, max_step: float, 
             gradient[:] = (_slopes(moving, trial, pairs, distances, nearest) * scale).ravel()
         return float(penalties(pairs.members, nearest).sum())
 
-    with suppress(ValueError, np.linalg.LinAlgError):  # of a degenerate start; the best point stays
-        least_squares(
-            lambda x: _roots(pairs.members, at(x)[2])[0],
-            np.clip(best_x, lower + _WITHIN, upper - _WITHIN),
-            jac=lambda x: _jacobian(moving, pairs, scale, *at(x)),
-            bounds=(lower, upper), method="trf", tr_solver="lsmr", max_nfev=LEAST_SQUARES_STEPS,
-        )  # fmt: skip
+    if finish:
+        with suppress(ValueError, np.linalg.LinAlgError):  # of a degenerate start; the best point stays
+            least_squares(
+                lambda x: _roots(pairs.members, at(x)[2])[0],
+                np.clip(best_x, lower + _WITHIN, upper - _WITHIN),
+                jac=lambda x: _jacobian(moving, pairs, scale, *at(x)),
+                bounds=(lower, upper), method="trf", tr_solver="lsmr", max_nfev=LEAST_SQUARES_STEPS,
+            )  # fmt: skip
+        return moved(moving, best_x.reshape(-1, PARAMETERS) * scale)
     optimizer = nlopt.opt(nlopt.LD_LBFGS, scale.size)
     optimizer.set_exceptions_enabled(False)
     optimizer.set_min_objective(objective)
