@@ -28,6 +28,9 @@ WITHIN, WITHIN_TURNED = 0.01, 0.05
 FLOOR, FLOOR_TURNED = 1e-7, 2e-4
 """Changes that never count, as shares of the diagonal."""
 
+RAY_NOISE = 0.012
+"""Of shares of 20,000 rays: rays that are drawn anew, in the world's axes, differ by so much at most."""
+
 ERRORS = ("surface_to_set_mean_m", "set_to_surface_mean_m", "air_distance_error_m")
 
 
@@ -78,16 +81,20 @@ def assert_same_errors(home: Home, away: Fit, matrix: np.ndarray, within: float,
     scale = np.abs(np.linalg.det(matrix[:3, :3])) ** (1 / 3)
     there = brought_home(away.primitives, matrix)
     again = measure(there, home.fit.surface, home.fit.air)
-    for figures, unit in ((away.metrics, scale), (again, 1.0)):
-        assert_close(figures, home.fit.metrics, unit, within, floor)
+    for figures, unit, noise in ((away.metrics, scale, 1e-4), (again, 1.0, RAY_NOISE)):
+        assert_close(figures, home.fit.metrics, unit, within, floor, noise)
 
 
-def assert_close(got: Metrics, expected: Metrics, unit: float, within: float, floor: float) -> None:
+def assert_close(
+    got: Metrics, expected: Metrics, unit: float, within: float, floor: float, noise: float
+) -> None:
     for name in ERRORS:
         before, after = getattr(expected, name), getattr(got, name) / unit
         assert abs(after - before) <= max(within * before, floor * expected.diag_m), name
     for name in ("leaks", "blocked", "false_solid"):
-        assert getattr(got, name) == pytest.approx(getattr(expected, name), abs=2e-3), name
+        assert getattr(got, name) == pytest.approx(
+            getattr(expected, name), abs=max(noise, within * getattr(expected, name))
+        ), name
 
 
 BASES = ("furnished_room", "table", "lumpy_ball")
