@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from fit.choose import worths
 from fit.color import LOOK_OUT_CELLS
 from fit.objective import Targets, distance_table, error
-from fit.palette import Palette, color_cost, face_costs, face_of
+from fit.palette import SMOOTHING_NEIGHBOURS, Palette, color_cost, face_costs, face_of
 from fit.primitives import Kind, PrimitiveSet
 from fit.scene import Float64
 from fit.shapes import Shapes, join, make_shapes, to_primitives
@@ -29,6 +29,9 @@ DEPTH_CELLS = 0.5
 
 PLATE_SHARE = 0.9
 """Of its gain that a plate is credited with: a cut leaves the union as it is, and wins where both do."""
+
+SWAP_SHARE = 0.5
+"""Of the gain of a box that must make room for itself: what the shape that goes may be worth at most."""
 
 MOST_ROUNDS = 4
 _NEIGHBOURS = 6
@@ -70,15 +73,15 @@ def paint(
 def _round(
     shapes: Shapes, targets: Targets, palette: Palette, limit: int, least_gain: float, kept: int
 ) -> Shapes:
-    repaints = propose_repaints(shapes, palette, least_gain, kept)
+    room = max(limit - len(shapes), 0)
+    repaints = propose_repaints(shapes, palette, least_gain if room else SWAP_SHARE * least_gain, kept)
     worth = worths(distance_table(shapes, targets), targets) if len(shapes) else np.zeros(0)
     worth[[*range(kept), *(r.owner for r in repaints)]] = np.inf
     dropped, changed, added = [], shapes, []
-    room = max(limit - len(shapes), 0)
     for number, repaint in enumerate(repaints):
         if number >= room:
             least = int(np.argmin(worth))
-            if worth[least] + least_gain >= repaint.gain:
+            if worth[least] >= SWAP_SHARE * repaint.gain:
                 break
             worth[least] = np.inf
             dropped.append(least)
@@ -210,7 +213,9 @@ def _patches(flat: Float64, members: Bool, weights: Float64) -> list[Bool]:
     _, label = connected_components(links, directed=False)
     mass = np.bincount(label, weights=weights * members)
     heaviest = np.argsort(-mass, kind="stable")[:_PATCHES]
-    return [(label == patch) & members for patch in heaviest if mass[patch] > 0]
+    count = np.bincount(label, weights=members)
+    # Smaller ones than the neighbourhood over which colours are averaged are its blur.
+    return [(label == patch) & members for patch in heaviest if count[patch] >= SMOOTHING_NEIGHBOURS]
 
 
 def _rectangle(flat: Float64, members: Bool, patch: Bool, half: Float64) -> tuple[Float64, Float64]:

@@ -23,14 +23,14 @@ from fit.targets import Seen
 Index = NDArray[np.int64]
 
 COLOR_WEIGHT = 1.0
-"""Cost of an albedo that is wrong by 1 against that of a surface that is missing (its distance wrong by the
-reach): both return light that is wrong by as much as falls in."""
+"""Cost of albedos that are wrong by 1 everywhere against that of a set of nothing: both return light that is
+wrong by as much as falls in."""
 
 SMOOTHING_NEIGHBOURS = 8
 """Samples over which a colour is averaged first: what varies from one to the next, bricks and leaves, is one
 colour to the light of a room."""
 
-BLURRED = 0.1
+BLURRED = 0.12
 """Mean difference of the albedos around a sample at which it counts no more: it lies on the edge of two
 colours, where no cut falls exactly, or on a pattern, which is one colour from afar."""
 
@@ -41,22 +41,22 @@ _NORMAL_SPACINGS = 4.0
 @dataclass(frozen=True)
 class Palette:
     """p points of the seen surface, normals (p, 3) toward the air, weights (p,) that sum to at most 1;
-    features (p, 6): smooth albedo, and emission in units of the scene's mean; reach: metres, the farthest
-    that a distance counts in the objective; cell: edge of the air's cells."""
+    features (p, 6): smooth albedo, and emission in units of the scene's mean; scale: E of the empty set;
+    cell: edge of the air's cells."""
 
     points: Float64
     normals: Float64
     weights: Float64
     features: Float64
-    reach: float
+    scale: float
     cell: float
 
     def __len__(self) -> int:
         return len(self.weights)
 
 
-def find_palette(scene: Scene, air: Air, seen: Seen, reach: float) -> Palette:
-    """The colours of the seen samples; those in holes that alpha cuts are left out."""
+def find_palette(scene: Scene, air: Air, seen: Seen, scale: float) -> Palette:
+    """The colours of the seen samples, but of those in holes that alpha cuts; `scale`: as in `Palette`."""
     samples = seen.samples
     albedo, emission, alpha = colors(scene, air.walls, samples.triangle, samples.barycentric)
     shown = np.flatnonzero(alpha >= alpha_cutoffs(scene)[air.walls.material[samples.triangle]])
@@ -75,7 +75,7 @@ def find_palette(scene: Scene, air: Air, seen: Seen, reach: float) -> Palette:
         unsteady = np.abs(around - level[:, None]).mean(axis=1)
         blur = np.maximum(blur, unsteady / np.where(level > 0, level, 1.0))
     weights *= np.maximum(0.0, 1.0 - blur)
-    return Palette(points, normals, weights, np.concatenate([smooth, glow], axis=1), reach, air.cell)
+    return Palette(points, normals, weights, np.concatenate([smooth, glow], axis=1), scale, air.cell)
 
 
 def _neighbours(points: Float64, normals: Float64) -> Index:
@@ -92,7 +92,7 @@ def _neighbours(points: Float64, normals: Float64) -> Index:
 def color_cost(primitives: PrimitiveSet, palette: Palette) -> float:
     """What mixing colours on the faces of a set costs, in units of the objective E.
 
-    `COLOR_WEIGHT * reach * sum_i w_i |c_i - mean of the c on its face|`, the mean over R, G, B, of albedo and
+    `COLOR_WEIGHT * scale * sum_i w_i |c_i - mean of the c on its face|`, the mean over R, G, B, of albedo and
     of emission: each sample belongs to the face that `fit.color.color` gives it to. It takes one evaluation
     of all distances, about a hundredth of a second for a set of 64.
     """
@@ -115,5 +115,5 @@ def face_costs(palette: Palette, face: Index, count: int, rows: Index | slice = 
     for channel in features.T:
         sums = np.bincount(face, weights=weights * channel, minlength=count)
         off += np.abs(channel - (sums / np.where(mass > 0, mass, 1.0))[face])
-    scale = COLOR_WEIGHT * palette.reach / 3
+    scale = COLOR_WEIGHT * palette.scale / 3
     return scale * np.bincount(face, weights=weights * off, minlength=count).astype(np.float64)

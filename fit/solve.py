@@ -105,9 +105,12 @@ def fit(
             seed=settings.seed, progress=stages.fraction,
         )  # fmt: skip
     with stages("color"):
-        palette = find_palette(scene, air, seen, targets.reach)
-        worth_it = GAIN_BY_DEFAULT * error(no_shapes(), targets)
-        shapes = paint(shapes, targets, palette, limit=settings.limit(), least_gain=worth_it, kept=len(fixed))
+        nothing = error(no_shapes(), targets)
+        palette = find_palette(scene, air, seen, nothing)
+        shapes = paint(
+            shapes, targets, palette,
+            limit=settings.limit(), least_gain=GAIN_BY_DEFAULT * nothing, kept=len(fixed),
+        )  # fmt: skip
         uncolored = to_primitives(shapes, planes="plane" in settings.kinds)
         primitives = color(uncolored, scene, air, seen, glow, seed=settings.seed)
     with stages("measure"):

@@ -18,14 +18,14 @@ from fit.paint import paint
 from fit.palette import Palette, color_cost, find_palette
 from fit.primitives import Kind, PrimitiveSet
 from fit.scene import Image, Instance, Material, Mesh, Scene, Texture, TextureUse
-from fit.shapes import Shapes, join, make_shapes, to_primitives
+from fit.shapes import Shapes, join, make_shapes, no_shapes, to_primitives
 from fit.spaces import Air
 from fit.split import split
 from fit.surface import from_scene
 from fit.targets import Seen, make_targets, see_surface
 
 WHITE, RED, GREEN = (0.7, 0.7, 0.7), (0.6, 0.05, 0.05), (0.1, 0.5, 0.1)
-LEAST = 1e-3
+LEAST = 2e-3
 
 
 class Room:
@@ -80,7 +80,7 @@ class Room:
         air = find_air(surface, scene, resolution=40, seeds=[(1, 2.2, 1)])
         seen = see_surface(air, 4000, 0)
         targets = make_targets(seen, air, seen.weights, 2000, 0)
-        return Look(scene, air, seen, targets, find_palette(scene, air, seen, targets.reach))
+        return Look(scene, air, seen, targets, find_palette(scene, air, seen, error(no_shapes(), targets)))
 
 
 @dataclass(frozen=True)
