@@ -2,7 +2,7 @@
 
 Each target depends on one shape, the nearest, so the Jacobian of the errors' roots is sparse, and scipy's
 trust region method (Branch, Coleman and Li 1999) knows a curvature that L-BFGS has to learn: near the optimum
-it gets further in fewer steps. From afar it runs into worse optima.
+it gets further in fewer steps.
 """
 
 from __future__ import annotations
