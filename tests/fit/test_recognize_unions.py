@@ -259,6 +259,7 @@ def test_bundled_scenes_of_primitives(bundled_assets, name: str, kinds: dict[str
     assert result.metrics.iou > 0.998
 
 
+@pytest.mark.slow
 def test_a_budget_below_the_count_is_kept(bundled_assets) -> None:
     result = fit(gltf.load(bundled_assets / "table.glb"), FitSettings(max_primitives=4))
     assert len(result.primitives) <= 4
