@@ -40,7 +40,7 @@ def bytes_with(threads: int, mesh: str, longest: float, repository: Path) -> str
 @pytest.mark.parametrize(
     ("mesh", "longest"),
     [
-        ("furnished_room", 1.0),
+        ("table", 1.0),
         pytest.param("furnished_room", 0.03, marks=pytest.mark.slow),
         pytest.param("lumpy_ball", 0.01, marks=pytest.mark.slow),
     ],
