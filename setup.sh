@@ -5,7 +5,7 @@
 # or where sudo asks for no password; else it names the one command to run.
 set -eu
 cd "$(dirname "$0")"
-extras=${1:-}
+extras=${1:-repair}
 python=.venv/bin/python
 
 say() { printf '%s\n' "$*" >&2; }
@@ -65,10 +65,10 @@ make_venv() {
 
 # An editable install is stale when pyproject.toml is newer than the stamp that the last one left.
 install_package() {
-    stamp=.venv/installed${extras:+-$extras}
+    stamp=.venv/installed-$extras
     [ -e "$stamp" ] && [ ! pyproject.toml -nt "$stamp" ] && return
-    say "installing sdfprim${extras:+ with its $extras tools} into .venv"
-    $python -m pip install --quiet --disable-pip-version-check -e ".${extras:+[$extras]}" >&2
+    say "installing sdfprim[$extras] into .venv"
+    $python -m pip install --quiet --disable-pip-version-check -e ".[$extras]" >&2
     touch "$stamp"
 }
 
@@ -79,7 +79,7 @@ check_gpu() {
     has_adapter || $python -c 'from runtime.device import open_device; open_device()' >&2
 }
 
-# Only meshes with holes need MeshLab, so a machine that may not install its libraries goes on without.
+# Only bodies with holes need MeshLab, so a machine that may not install its libraries goes on without.
 check_meshlab() {
     loads() { $python -c 'from fit.clean import load_meshlab; load_meshlab()' >/dev/null 2>&1; }
     loads && return

@@ -1,7 +1,8 @@
 """Meshes mended by MeshLab: cleaned, thinned out, and closed where nothing else closes them.
 
-pymeshlab is loaded by the first call and not before: it brings a user interface's libraries along. Its
-thresholds are lengths, so every mesh is centred and scaled to a diagonal of one first.
+pymeshlab is the extra `repair`, for it is GPL-3. It is loaded by the first call and not before: it brings a
+user interface's libraries along. Its thresholds are lengths, so every mesh is centred and scaled to a
+diagonal of one first.
 """
 
 from __future__ import annotations
@@ -102,6 +103,8 @@ def load_meshlab() -> ModuleType:
     """
     try:
         import pymeshlab
+    except ModuleNotFoundError as error:
+        raise NoMeshLab("pymeshlab is not installed: pip install 'sdfprim[repair]'") from error
     except ImportError as error:
         raise NoMeshLab(
             f"pymeshlab can't be loaded ({error}); on Debian or Ubuntu it needs the packages libgl1 and "

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from fit.bvh import TriangleTree
-from fit.clean import NoMeshLab, close_holes, wrap
+from fit.clean import NoMeshLab, close_holes, load_meshlab, wrap
 from fit.grid import PADDING_CELLS
 from fit.objective import Targets
 from fit.rays import RayCaster
@@ -93,6 +93,17 @@ def find_solid(air: Air, parts: Parts | None = None) -> Solid | None:
     return _mended(air)
 
 
+def missing_repair(air: Air) -> str:
+    """Why a body with holes in it was not mended, where that is for want of pymeshlab; else nothing."""
+    if not _has_holes(air):
+        return ""
+    try:
+        load_meshlab()
+    except NoMeshLab as why:
+        return f"a body with holes was not closed: {why}" if _union(air.walls, air) is None else ""
+    return ""
+
+
 def _solid_of(boundary: Surface) -> Solid:
     tree = TriangleTree(boundary.vertices)
     return Solid(boundary, tree, RayCaster(boundary.vertices, tree))
@@ -100,11 +111,10 @@ def _solid_of(boundary: Surface) -> Solid:
 
 def _mended(air: Air) -> Solid | None:
     """A body with lids on its holes or, where these don't close it, wrapped; None where air is in it."""
-    walls = air.walls
-    hidden, free = _cells_within(air)
-    if len(walls) > MOST_MENDED or air.air_labels != (OUTSIDE,) or len(hidden) == 0 or not _shows_fronts(air):
+    if not _has_holes(air):
         return None
-    vertices = walls.vertices
+    hidden, free = _cells_within(air)
+    vertices = air.walls.vertices
     for mend in (close_holes, wrap):
         try:
             vertices = mend(vertices)
@@ -118,11 +128,23 @@ def _mended(air: Air) -> Solid | None:
     return None
 
 
+def _has_holes(air: Air) -> bool:
+    """Whether open walls look like a body seen from outside, whose holes are worth closing."""
+    if len(air.walls) > MOST_MENDED or air.air_labels != (OUTSIDE,):
+        return False
+    return bool(_hidden(air)[_INNER].any()) and _shows_fronts(air)
+
+
+def _hidden(air: Air) -> NDArray[np.bool_]:
+    """Cells of spaces that are no air."""
+    return (air.label > 0) & ~air.free
+
+
 def _cells_within(air: Air) -> tuple[Float64, Float64]:
     """Centres (n, 3) of cells of the surface's box: in spaces that are no air, and in air."""
     rng = np.random.default_rng(0)
     centers = []
-    for chosen in ((air.label > 0) & ~air.free, air.free):
+    for chosen in (_hidden(air), air.free):
         cells = np.argwhere(chosen[_INNER])
         cells = cells[np.sort(rng.permutation(len(cells))[:MENDING_POINTS])]
         centers.append(air.grid.centers(cells + PADDING_CELLS))

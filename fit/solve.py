@@ -36,7 +36,7 @@ from fit.primitives import PrimitiveSet
 from fit.scene import Scene
 from fit.settings import COARSE, DEFAULT, FINE, GAIN_BY_DEFAULT, GAIN_WITH_BUDGET, FitSettings
 from fit.shapes import Shapes, no_shapes, to_primitives
-from fit.solid import inside_targets
+from fit.solid import inside_targets, missing_repair
 from fit.sources import exact_whole, find_sources, whole_solid
 from fit.spaces import Air
 from fit.split import split
@@ -92,6 +92,7 @@ def fit(
         solid = whole_solid(air, seen) if "bodies" in settings.steps else None
         if solid:
             targets = along_a_curve(inside_targets(targets, air, solid, INSIDE_SAMPLES, settings.seed))
+        unmended = missing_repair(air) if solid is None and "bodies" in settings.steps else ""
         glow = find_glow(scene, air, settings.seed)
     with stages("parts"):
         parts_fits = fit_parts(air, parts, wanted, targets, seen.samples.triangle)
@@ -127,7 +128,7 @@ def fit(
         world_primitives(primitives, pose), turned, outer,
         world_lengths(metrics, pose), volumes.in_units(pose.unit),
         tuple(world_lengths(one, pose) for one in errors), _in_metres(skipped, pose.unit), stages.seconds,
-        _notes(shapes, settings, targets, pose.unit) + outer.notes(),
+        _notes(shapes, settings, targets, pose.unit, unmended) + outer.notes(),
     )  # fmt: skip
 
 
@@ -174,8 +175,10 @@ def _surface_p95(shapes: Shapes, surface: Targets) -> float:
     return float(np.percentile(np.abs(set_distances(shapes, surface)), 95)) if len(surface) else 0.0
 
 
-def _notes(shapes: Shapes, settings: FitSettings, targets: Targets, unit: float) -> tuple[str, ...]:
-    notes = []
+def _notes(
+    shapes: Shapes, settings: FitSettings, targets: Targets, unit: float, unmended: str
+) -> tuple[str, ...]:
+    notes = [unmended] if unmended else []
     if len(shapes) == 0:
         notes.append("no primitive: no surface is seen from the air")
     if settings.max_error is not None:
