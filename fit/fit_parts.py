@@ -38,6 +38,9 @@ _PROMISING = 0.5
 EXPLAINED = 0.99
 """Share of the seen surface that exact primitives must lie on to be the set, with nothing left to grow."""
 
+LEAST_EXPLAINED = 1e-3
+"""Share of the seen surface of an instance that is worth the time to find exact primitives in it."""
+
 LEAST_SEEN = 1e-4
 """Of the seen surface: an exact primitive that shows less is inside others."""
 
@@ -59,12 +62,14 @@ def fit_parts(
 ) -> PartFits:
     """Candidates of the parts `wanted`, largest first; `triangle` (samples,): the wall of each sample."""
     walls = air.walls
-    exact, of_triangle = explain_walls(air)
+    on_surface = np.flatnonzero(targets.is_surface)
+    seen_triangle = triangle[targets.sample[on_surface]]
+    weights = targets.weights[on_surface]
+    seen = np.bincount(walls.instance[seen_triangle], weights, int(walls.instance.max(initial=0)) + 1)
+    exact, of_triangle = explain_walls(air, seen >= LEAST_EXPLAINED * weights.sum())
     order = np.argsort(parts.of_triangle, kind="stable")
     limits = np.searchsorted(parts.of_triangle[order], np.arange(len(parts) + 1))
     part_of_target = np.full(len(targets), -1)
-    on_surface = np.flatnonzero(targets.is_surface)
-    seen_triangle = triangle[targets.sample[on_surface]]
     part_of_target[on_surface] = parts.of_triangle[seen_triangle]
     shapes, owners = [], []
     for part in wanted[:MOST_PARTS]:
@@ -86,7 +91,7 @@ def fit_parts(
                 )
         shapes.append(found)
         owners += [int(part)] * len(found)
-    share = np.bincount(of_triangle[seen_triangle] + 1, targets.weights[on_surface], len(exact) + 1)
+    share = np.bincount(of_triangle[seen_triangle] + 1, weights, len(exact) + 1)
     return PartFits(join(shapes), np.array(owners, np.int64), _whole(exact, share.astype(np.float64)))
 
 
@@ -97,10 +102,10 @@ def _piece(walls: Surface, rows: NDArray[np.int64]) -> Piece:
     return Piece(walls.vertices[kept], walls.normals[kept], areas)
 
 
-def explain_walls(air: Air) -> tuple[Shapes, NDArray[np.int64]]:
+def explain_walls(air: Air, wanted: NDArray[np.bool_]) -> tuple[Shapes, NDArray[np.int64]]:
     """Exact primitives of the closed shells, and the one that each wall triangle lies on, else -1.
 
-    Instances that are open alone are one mesh together.
+    Instances that are open alone are one mesh together. wanted: by instance, those that are looked at.
     """
     walls = air.walls
     of_triangle = np.full(len(walls), -1)
@@ -108,7 +113,7 @@ def explain_walls(air: Air) -> tuple[Shapes, NDArray[np.int64]]:
     groups = np.split(order, np.flatnonzero(np.diff(walls.instance[order])) + 1)
     shut = [_may_be_closed(walls, rows) for rows in groups]
     together = [rows for rows, closed in zip(groups, shut, strict=True) if not closed]
-    groups = [rows for rows, closed in zip(groups, shut, strict=True) if closed]
+    groups = [r for r, closed in zip(groups, shut, strict=True) if closed and wanted[walls.instance[r[0]]]]
     if len(together) > 1 and _may_be_closed(walls, np.concatenate(together)):
         groups.append(np.concatenate(together))
     found: list[Shapes] = []
@@ -149,7 +154,7 @@ def _part_targets(targets: Targets, own: NDArray[np.int64], piece: Piece) -> Tar
     around = np.all(
         (targets.points > lower - targets.reach) & (targets.points < upper + targets.reach), axis=1
     )
-    air = np.flatnonzero(around & ~targets.is_surface)
+    air = np.flatnonzero(around & (targets.distances > 0))
     rows = np.concatenate([_thinned(own, MOST_TARGETS), _thinned(air, MOST_TARGETS)])
     chosen = targets.select(rows)
     caps = np.where(chosen.is_surface, chosen.caps, chosen.distances)

@@ -14,6 +14,9 @@ leak, however near the set lies.
 
     rho(r) = e / (1 + e / leak), e = sqrt(max(r, 0)^2 + soft^2) - soft
 
+Before that surface the ray must pass: what stops it there costs as much as a leak. No distance tells of a
+thin sheet across a door; only the ray does.
+
 Of air inside the set it counts once more, in the same saturating way, that it is filled.
 
 Of points inside a solid (D < 0) only what is farther out counts: a union's distance there is a bound.
@@ -30,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.scene import Float64
-from fit.shapes import Shapes, distances_to_one
+from fit.shapes import Shapes, cross, distances_to_one
 
 STICKS_OUT = 1.3
 """Error of a set nearer than the surface (it darkens the air) against one that is farther (it leaks)."""
@@ -54,7 +57,8 @@ class Targets:
     """p points (p, 3) whose distance to the surface is known: distances (p,), weights (p,); normals (p, 3)
     toward the air, zero where there is none to tell; sample (p,) row of the surface samples that a point is,
     else -1; caps (p,): farther distances count as this one, at most `reach`; ways (p, 3): of rays, from the
-    hit to where the ray has leaked, zero for all others; soft: errors far below count as none; leak: distance
+    hit to where the ray has leaked, zero for all but rays; passing (p,) bool: ways from where a ray starts to
+    short of its hit, which must be free; soft: errors far below count as none; leak: distance
     from which a ray's error hardly grows."""
 
     points: Float64
@@ -64,6 +68,7 @@ class Targets:
     sample: NDArray[np.int64]
     caps: Float64
     ways: Float64
+    passing: NDArray[np.bool_]
     reach: float
     soft: float
     leak: float
@@ -77,12 +82,13 @@ class Targets:
 
     @cached_property
     def is_ray(self) -> NDArray[np.bool_]:
-        return np.asarray(self.ways.any(axis=1))
+        """Rays behind their hits, where something must stop them."""
+        return np.asarray(self.ways.any(axis=1)) & ~self.passing
 
     @cached_property
     def one_sided(self) -> NDArray[np.bool_]:
         """Where the set may be nearer, or deeper, at no cost."""
-        return self.is_ray | (self.distances < 0)
+        return self.is_ray | self.passing | (self.distances < 0)
 
     @property
     def places(self) -> tuple[Float64, NDArray[np.int64]]:
@@ -117,6 +123,7 @@ def penalties(targets: Targets, distances: Float64, rows: Rows = slice(None)) ->
     residual, error = _residuals(targets, distances, rows)
     error = np.where(targets.is_ray[rows], error / (1 + error / targets.leak), error)
     error *= np.where(residual < 0, STICKS_OUT, 1.0)
+    error = np.where(targets.passing[rows], targets.leak * (distances < 0), error)
     depth = np.where(targets.distances[rows] > 0, np.clip(-distances, 0.0, targets.reach), 0.0)
     return targets.weights[rows] * (error + FILLED * depth / (1 + depth / targets.leak))
 
@@ -129,7 +136,7 @@ def penalty_slopes(targets: Targets, distances: Float64, rows: Rows = slice(None
     slope *= np.where(residual < 0, STICKS_OUT, 1.0)
     depth = np.where(targets.distances[rows] > 0, np.maximum(-distances, 0.0), 0.0)
     slope -= np.where(depth > 0, FILLED / (1 + depth / targets.leak) ** 2, 0.0)
-    slope[(distances >= targets.caps[rows]) | (distances <= -targets.reach)] = 0.0
+    slope[targets.passing[rows] | (distances >= targets.caps[rows]) | (distances <= -targets.reach)] = 0.0
     return targets.weights[rows] * slope
 
 
@@ -151,9 +158,16 @@ def near_rows(shapes: Shapes, which: int, targets: Targets, within: Float64 | fl
 
 
 def distances_from(shapes: Shapes, which: int, targets: Targets, rows: Rows = slice(None)) -> Float64:
-    """Signed distance (k,) of one shape from targets: from points, or the nearest place of rays' ways."""
+    """Signed distance (k,) of one shape from targets: from points, or the nearest place of rays' ways.
+
+    A way that must be free is known only to be so or not: `reach`, or minus that.
+    """
     points, is_ray = targets.points[rows], targets.is_ray[rows]
     distances = distances_to_one(shapes, which, points)
+    passing = np.flatnonzero(targets.passing[rows])
+    if len(passing):
+        stopped = cross(shapes, which, points[passing], targets.ways[rows][passing])
+        distances[passing] = np.where(stopped, -targets.reach, targets.reach)
     rays = np.flatnonzero(is_ray)
     if len(rays):
         starts, ways = points[rays], targets.ways[rows][rays]

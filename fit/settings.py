@@ -71,7 +71,7 @@ PRESETS = {"coarse": (48, 0.005), "fine": (192, 0.0005)}
 
 MOST_BY_DEFAULT, MOST_FOR_ERROR = 128, 512
 SKIP_BY_DEFAULT = 0.001
-GAIN_BY_DEFAULT, GAIN_WITH_BUDGET = 2e-4, 2e-5
+GAIN_BY_DEFAULT, GAIN_WITH_BUDGET = 1e-4, 4e-6
 """Share of the empty set's error that one more primitive must take off, by default and with a budget."""
 
 DEFAULT, COARSE, FINE = FitSettings(), FitSettings(preset="coarse"), FitSettings(preset="fine")

@@ -24,10 +24,10 @@ NEAR_CELLS = 3
 """Half of the air's points are drawn nearer to a surface than this: there the set can be wrong in detail."""
 
 RAYS = 6_000
-"""Rays whose hits the set must not let pass."""
+"""Rays that the set must stop where the surface does, neither after nor before."""
 
-RAYS_WEIGHT = 40.0
-"""Of all rays together; surface and air weigh 1 each."""
+RAYS_WEIGHT = 20.0
+"""Of all rays together, behind their hits and before; surface and air weigh 1 each."""
 
 LEAK_SHARE = 0.01
 """Of the diagonal: a ray that goes on for longer behind its hit has leaked."""
@@ -124,7 +124,7 @@ def make_targets(seen: Seen, air: Air, weights: Float64, count: int, seed: int) 
     surface = _rows(air, seen.samples.points[rows], weights[rows], normals=seen.normals[rows], sample=rows)
     points, distances = _air_points(air, count, seed)
     free = _rows(air, points, np.full(len(points), 1.0 / max(len(points), 1)), distances=distances)
-    return along_a_curve(join_targets([surface, free, _ray_targets(air, seed)]))
+    return along_a_curve(join_targets([surface, free, *_ray_targets(air, seed)]))
 
 
 def _rows(
@@ -136,6 +136,7 @@ def _rows(
     normals: Float64 | None = None,
     sample: NDArray[np.int64] | None = None,
     ways: Float64 | None = None,
+    passing: bool = False,
 ) -> Targets:
     """Targets at points (p, 3); what is not given is zero, and no sample."""
     reach, blank = REACH_CELLS * air.cell, np.zeros((len(points), 3))
@@ -147,24 +148,30 @@ def _rows(
         sample=np.full(len(points), -1) if sample is None else sample,
         caps=np.full(len(points), reach),
         ways=blank if ways is None else ways,
+        passing=np.full(len(points), passing),
         reach=reach,
         soft=SOFT_CELLS * air.cell,
         leak=LEAK_CELLS * air.cell,
     )
 
 
-def _ray_targets(air: Air, seed: int) -> Targets:
-    """The ways of random rays behind their hits; they weigh `RAYS_WEIGHT` together."""
+def _ray_targets(air: Air, seed: int) -> tuple[Targets, Targets]:
+    """Random rays behind their hits, and before them; either part weighs `RAYS_WEIGHT`."""
     origins = air.random_points(RAYS, seed + _OWN_RAYS)
     directions = random_directions(len(origins), seed + _OWN_RAYS)
     distance, triangle = air.rays.first_hit(origins, directions)
+    missed = LEAK_SHARE * air.walls.diagonal
     hit = np.flatnonzero(triangle >= 0)
     points = origins[hit] + distance[hit, None] * directions[hit]
     normals = air.walls.normals[triangle[hit]]
     normals = normals * -np.copysign(1.0, np.einsum("pk,pk->p", normals, directions[hit]))[:, None]
     weights = np.full(len(hit), RAYS_WEIGHT / max(len(hit), 1))
-    ways = LEAK_SHARE * air.walls.diagonal * directions[hit]
-    return _rows(air, points, weights, normals=normals, ways=ways)
+    behind = _rows(air, points, weights, normals=normals, ways=missed * directions[hit])
+    free = np.minimum(distance, air.walls.diagonal) - missed
+    before = np.flatnonzero(free > 0)
+    weights = np.full(len(before), RAYS_WEIGHT / max(len(origins), 1))
+    ways = free[before, None] * directions[before]
+    return behind, _rows(air, origins[before], weights, ways=ways, passing=True)
 
 
 def random_directions(count: int, seed: int) -> Float64:
@@ -174,10 +181,13 @@ def random_directions(count: int, seed: int) -> Float64:
 
 
 def along_a_curve(targets: Targets) -> Targets:
-    """The same targets, neighbours in space side by side: runs of rows are compact, strides spread evenly."""
+    """The same targets, neighbours in space side by side: runs of rows are compact, strides spread evenly.
+
+    The long ways that must be free come last, by themselves.
+    """
     lower = targets.points.min(axis=0, initial=np.inf)
     cells = ((targets.points - lower) / (_RUN_REACH * targets.reach)).astype(np.int64)
-    code = np.zeros(len(targets), np.int64)
+    code = targets.passing.astype(np.int64) << 60
     for bit in range(20):
         for axis in range(3):
             code |= (cells[:, axis] >> bit & 1) << (3 * bit + axis)

@@ -20,6 +20,7 @@ from fit.sdf import distance
 from fit.shapes import (
     PARAMETERS,
     Shapes,
+    cross,
     join,
     make_shapes,
     moved,
@@ -31,6 +32,7 @@ from fit.shapes import (
 )
 from fit.split import mesh_pieces, split
 from fit.surface import from_scene, from_triangles
+from fit.trace import first_hits
 
 
 def random_shapes(count: int, seed: int = 0) -> Shapes:
@@ -49,7 +51,7 @@ def targets_around(shapes: Shapes, count: int = 1500, seed: int = 1) -> Targets:
     points = np.random.default_rng(seed).uniform(-2.5, 2.5, (count, 3))
     blank = Targets(
         points, np.zeros(count), np.full(count, 1 / count), np.zeros((count, 3)), np.arange(count),
-        np.full(count, 5.0), np.zeros((count, 3)), 5.0, 1e-3, 0.1,
+        np.full(count, 5.0), np.zeros((count, 3)), np.zeros(count, bool), 5.0, 1e-3, 0.1,
     )  # fmt: skip
     known = np.maximum(set_distances(shapes, blank), 0)
     outside = np.flatnonzero(known > 0)
@@ -63,6 +65,21 @@ def test_distances_agree_with_the_set_that_is_written() -> None:
     expected = distance(to_primitives(shapes), points)
     for k in range(len(shapes)):
         np.testing.assert_allclose(pair_distances(shapes, points, np.full(300, k)), expected[:, k], atol=1e-9)
+
+
+def test_segments_cross_what_rays_meet() -> None:
+    """Against the closed-form first hits of `fit.trace`, from outside and from inside."""
+    shapes = random_shapes(4)
+    rng = np.random.default_rng(4)
+    starts, ways = rng.normal(size=(2000, 3)) * 2, rng.normal(size=(2000, 3))
+    ways[:100, 0] = 0.0
+    length = np.linalg.norm(ways, axis=1)
+    for k in range(len(shapes)):
+        one = to_primitives(shapes.select(np.array([k])))
+        hit = first_hits(one, starts, ways / length[:, None])
+        stopped = cross(shapes, k, starts, ways)
+        assert 4 < np.count_nonzero(stopped) < 200
+        np.testing.assert_array_equal(stopped, hit < length)
 
 
 @pytest.mark.parametrize("parameter", range(PARAMETERS))
