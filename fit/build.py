@@ -109,7 +109,7 @@ def build(
     empty = max(error(no_shapes(), targets), np.finfo(float).tiny)
     rng = np.random.default_rng(seed)
     growth = _Growth(targets, sources, scope, len(fixed), enough.least_gain * empty, max_step, rng)
-    if sources.alone and sources.body and not len(fixed):
+    if sources.alone and sources.body:
         return prune(sources.body(sources.alone), targets, least_gain=growth.least)
     lower, upper = no_shapes(), fixed
     for rung in (r for r in RUNGS if r > len(fixed)):

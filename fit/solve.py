@@ -100,7 +100,7 @@ def fit(
     with stages("build"):
         whole = no_shapes() if len(fixed) else exact_whole(parts_fits, settings)
         shapes = whole if len(whole) else build(
-            targets, find_sources(air, seen, targets, parts_fits, solid, settings), fixed,
+            targets, find_sources(air, seen, targets, parts_fits, solid, settings, fixed), fixed,
             limit=settings.limit(), enough=_enough(targets, settings, pose.unit),
             max_step=STEP_CELLS * air.cell, scope=Scope(settings.kinds, settings.steps),
             seed=settings.seed, progress=stages.fraction,

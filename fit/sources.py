@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from fit.bodies import fit_body
@@ -46,9 +48,18 @@ def whole_solid(air: Air, seen: Seen) -> Solid | None:
 
 
 def find_sources(
-    air: Air, seen: Seen, targets: Targets, parts: PartFits, solid: Solid | None, settings: FitSettings
+    air: Air,
+    seen: Seen,
+    targets: Targets,
+    parts: PartFits,
+    solid: Solid | None,
+    settings: FitSettings,
+    fixed: Shapes,
 ) -> Sources:
-    """Where the set's shapes come from."""
+    """Where the set's shapes come from; beside `fixed` ones no body stands alone."""
+    alone = 0 if solid is None or len(fixed) else _size_alone(settings)
+    if solid and alone:
+        return Sources(no_shapes(), np.zeros(0), {}, _body(solid, air, settings), alone)
     frames = find_frames(seen.normals, seen.weights)
     lattices = [make_lattice(air, frame, air.cell, *air.walls.bounds) for frame in frames]
     regions = find_regions(air, targets, seed=settings.seed)
@@ -57,12 +68,11 @@ def find_sources(
         "regions": lambda distances, rng: propose_slabs(regions, targets, distances),
     }
     bonus = np.where(parts.shapes.exact, EXACT_BONUS, PART_BONUS)
-    if solid is None:
-        return Sources(parts.shapes, bonus, proposers)
-    return Sources(
-        parts.shapes, bonus, proposers,
-        body=lambda size: fit_body(solid, air, size, seed=settings.seed), alone=_size_alone(settings),
-    )  # fmt: skip
+    return Sources(parts.shapes, bonus, proposers, _body(solid, air, settings) if solid else None)
+
+
+def _body(solid: Solid, air: Air, settings: FitSettings) -> Callable[[int], Shapes]:
+    return lambda size: fit_body(solid, air, size, seed=settings.seed)
 
 
 def _size_alone(settings: FitSettings) -> int:
