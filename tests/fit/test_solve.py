@@ -202,11 +202,11 @@ def blob() -> trimesh.Trimesh:
 def blobs() -> dict[int, Fit]:
     """The blob at rising budgets."""
     scene = scene_of([Item(blob())])
-    return {count: fit(scene, replace(QUICK, max_primitives=count)) for count in (1, 4, 12, 24)}
+    return {count: fit(scene, replace(QUICK, max_primitives=count)) for count in (1, 8, 24)}
 
 
 def test_larger_budgets_are_never_worse(blobs: dict[int, Fit]) -> None:
-    assert [len(f.primitives) <= count for count, f in blobs.items()] == [True] * 4
+    assert all(len(f.primitives) <= count for count, f in blobs.items())
     surface = [f.metrics.surface_to_set_mean_m for f in blobs.values()]
     air = [f.metrics.air_distance_error_m for f in blobs.values()]
     for errors in (surface, air):
@@ -222,8 +222,8 @@ def test_free_form_body_is_filled(blobs: dict[int, Fit]) -> None:
 
 
 def test_same_input_gives_same_bytes(blobs: dict[int, Fit]) -> None:
-    again = fit(scene_of([Item(blob())]), replace(QUICK, max_primitives=12))
-    assert bytes_of(again.primitives) == bytes_of(blobs[12].primitives)
+    again = fit(scene_of([Item(blob())]), replace(QUICK, max_primitives=8))
+    assert bytes_of(again.primitives) == bytes_of(blobs[8].primitives)
 
 
 def test_small_parts_are_skipped_and_listed() -> None:

@@ -166,7 +166,8 @@ def test_a_mesh_inside_its_primitive_is_not_dark(builder, render_scene):
 
 
 PROBE_KERNEL = """
-import package::lib::lights::{direct_radiance_at_hit, lights, lights_rsm_radiance};
+import package::lib::light_list::{lights};
+import package::lib::lights::{direct_radiance_at_hit, lights_rsm_radiance};
 
 @group(0) @binding(0) var<storage, read> hits: array<array<vec4f, 3>>;
 @group(0) @binding(1) var<storage, read_write> radiance: array<array<vec4f, 2>>;
