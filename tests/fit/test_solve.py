@@ -247,11 +247,11 @@ def test_caps_hold(settings: dict[str, int], count: int) -> None:
 
 def test_max_error_ends_the_growth(blobs: dict[int, Fit]) -> None:
     scene = scene_of([Item(blob())])
-    loose = fit(scene, replace(QUICK, max_error=0.12))
+    loose = fit(scene, replace(QUICK, max_error=0.25))
     assert loose.notes == ()
-    assert loose.metrics.surface_to_set_p95_m < 0.13
+    assert loose.metrics.surface_to_set_p95_m < 0.26
     assert len(loose.primitives) < len(blobs[24].primitives)
-    impossible = fit(scene, replace(QUICK, max_error=1e-9, max_primitives=4))
+    impossible = fit(scene, replace(QUICK, max_error=1e-9, max_primitives=1, steps=("growing",)))
     assert "not reached" in impossible.notes[0]
 
 
