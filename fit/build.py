@@ -5,8 +5,9 @@ It is the alternation of variational shape approximation (Cohen-Steiner et al. 2
 proposals at the worst places are its seeding, the nearest primitive is its partition, the joint refinement
 its refit, and dropping, merging and splitting with a new choice its teleportation.
 
-No step raises E and the rungs of growth do not know the budget, so a larger budget is never worse: a set
-between two rungs is the upper one's, less the shapes that it needs least.
+No step raises E and the rungs of growth do not know the budget, so a larger budget is never worse as long as
+the set is grown: one between two rungs is the upper one's, less the shapes that it needs least. A closed
+body's own fit is made anew for each size.
 """
 
 from __future__ import annotations
@@ -108,7 +109,8 @@ def build(
     """
     empty = max(error(no_shapes(), targets), np.finfo(float).tiny)
     rng = np.random.default_rng(seed)
-    growth = _Growth(targets, sources, scope, len(fixed), enough.least_gain * empty, max_step, rng)
+    least = enough.least_gain * empty
+    growth = _Growth(targets, sources, scope, len(fixed), least, max_step, rng)
     if sources.alone and sources.body:
         return prune(sources.body(sources.alone), targets, least_gain=growth.least)
     lower, upper = no_shapes(), fixed
@@ -118,9 +120,9 @@ def build(
             progress(min(1.0, len(upper) / limit))
         if len(upper) >= limit or growth.error(upper) <= NEGLIGIBLE * targets.soft or enough.good(upper):
             break
-        if len(upper) < rung and leak_share(upper, targets) > enough.most_leaks:
-            growth.least = min(growth.least, enough.least_gain_leaking * empty)
-        elif len(upper) <= len(lower):
+        leaks, gave_all = leak_share(upper, targets) > enough.most_leaks, growth.least < least
+        growth.least = enough.least_gain_leaking * empty if leaks else least
+        if len(upper) <= len(lower) and (gave_all or not leaks):
             break
     return growth.descend(upper, lower, limit, enough)
 
@@ -171,7 +173,9 @@ class _Growth:
 
     def descend(self, shapes: Shapes, lower: Shapes, limit: int, enough: Enough) -> Shapes:
         """At most `limit` shapes between two rungs: no better than `shapes`, no worse than `lower`."""
-        while len(shapes) > limit or (enough.good(shapes) and len(shapes) > max(self.kept, len(lower))):
+        while len(shapes) > max(limit, self.kept) or (
+            enough.good(shapes) and len(shapes) > max(self.kept, len(lower))
+        ):
             fewer, heirs = without_least(shapes, self.targets, self.kept)
             refined = self._refined(fewer, heirs)
             fewer = refined if self.error(refined) >= self.error(shapes) else fewer

@@ -90,6 +90,10 @@ class PrimitiveError:
     false_solid: float
 
 
+_OWN_POINTS = 104_729
+"""Added to the seed, so that no set is measured where it was fitted."""
+
+
 @dataclass(frozen=True)
 class Probes:
     """Where sets are measured, the same for every set: surface (s, 3), points that air touches; air (a, 3),
@@ -106,7 +110,11 @@ class Probes:
 
 
 def place_probes(surface: Surface, air: Air, seed: int = 0) -> Probes:
-    """Draws the points and rays of every metric but those that start at the set's own boundary."""
+    """Draws the points and rays of every metric but those that start at the set's own boundary.
+
+    They are others than those that a fit of the same seed looks at.
+    """
+    seed += _OWN_POINTS
     samples = sample_surface(surface, SURFACE_SAMPLES, seed)
     touched = air.touches(samples.points, samples.normals) != 0
     points, distance = air.random_points_and_distances(AIR_POINTS, seed)

@@ -174,6 +174,9 @@ def distances_from(shapes: Shapes, which: int, targets: Targets, rows: Rows = sl
         for share in PLACES[1:]:
             behind = distances_to_one(shapes, which, starts + share * ways)
             distances[rays] = np.minimum(distances[rays], behind)
+        # A sheet between two of the places stops the ray just as well.
+        stopped = cross(shapes, which, starts, ways)
+        distances[rays] = np.where(stopped, np.minimum(distances[rays], 0.0), distances[rays])
     return distances
 
 

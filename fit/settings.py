@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from fit.build import STEPS
 from fit.shapes import KINDS
 
 BYTES_PER_PRIMITIVE = 64
+
+COARSEST = 8
+"""Cells along the diagonal, with which no air can be told any more."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,18 @@ class FitSettings:
             unknown = [item for item in getattr(self, name) if item not in known]
             if unknown:
                 raise ValueError(f"{name} {', '.join(unknown)}: expected some of {', '.join(known)}")
-        bounds = {"max_primitives": 1, "max_bytes": BYTES_PER_PRIMITIVE, "max_error": 0, "max_leaks": 0}
+        if not self.kinds or not np.isfinite(self.resolution) or self.resolution < COARSEST:
+            raise ValueError(
+                f"kinds {self.kinds}, resolution {self.resolution}: "
+                f"expected a kind at least, and {COARSEST} cells at least"
+            )
+        bounds = {
+            "max_primitives": 1,
+            "max_bytes": BYTES_PER_PRIMITIVE,
+            "max_error": 0,
+            "max_leaks": 0,
+            "skip_below": 0,
+        }
         for name, least in bounds.items():
             value = getattr(self, name)
             if value is not None and not value >= least:
@@ -62,8 +78,12 @@ class FitSettings:
 
     def least_gain(self) -> float:
         """Share of the empty set's error that one more primitive must take off."""
-        budgeted = self.max_primitives or self.preset or self.max_error is not None
-        return GAIN_WITH_BUDGET if budgeted else GAIN_BY_DEFAULT
+        return GAIN_WITH_BUDGET if self.has_budget or self.max_error is not None else GAIN_BY_DEFAULT
+
+    @property
+    def has_budget(self) -> bool:
+        """Whether a number of primitives, or of bytes, was asked for."""
+        return any(cap is not None for cap in (self.max_primitives, self.max_bytes, self.preset))
 
 
 PRESETS = {"coarse": (48, 0.005), "fine": (192, 0.0005)}

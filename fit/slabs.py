@@ -143,9 +143,9 @@ def _looked_at(
 
 
 def _is_free(air: Air, points: Float64) -> Bool:
-    """Whether the cell of each point (p, 3) is air; so is all beyond the grid."""
+    """Whether the cell of each point (p, 3) is air; beyond the grid is what its border is."""
     cells = np.floor(points).astype(np.int64)
-    return np.asarray(air.free.reshape(-1)[air.grid.flat(cells)] | ~air.grid.holds(cells))
+    return np.asarray(air.free.reshape(-1)[air.grid.flat(cells)])
 
 
 def _air_behind(air: Air, frame: Float64, raster: Float64, plane: float) -> Bool:

@@ -6,8 +6,7 @@ solid, so a set that stands for it should fill it. `find_solid` says where that 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,20 +15,17 @@ from scipy import ndimage
 from fit.bvh import TriangleTree
 from fit.clean import NoMeshLab, close_holes, load_meshlab, wrap
 from fit.grid import PADDING_CELLS
-from fit.objective import Targets
+from fit.objective import Targets, join_targets
 from fit.rays import RayCaster
 from fit.sample import sample_surface
 from fit.scene import Float64
 from fit.spaces import OUTSIDE, Air
-from fit.split import Parts
 from fit.surface import Surface, from_triangles
 from fit.volume import NotClosed, mesh_solid
 
 MOST_TRIANGLES = 400_000
 """Of closed surfaces: their exact union takes seconds beyond."""
 
-MOST_PIECES = 256
-"""Connected closed surfaces united, those of the largest area."""
 
 DEEPEST_CELLS = 0.5
 """A union's distance is a bound where its shapes overlap: deeper than this nothing is asked for."""
@@ -78,16 +74,12 @@ class Solid:
         return np.where(self.inside(points), -1.0, 1.0) * self.tree.nearest(points)[0]
 
 
-def find_solid(air: Air, parts: Parts | None = None) -> Solid | None:
-    """The union of the closed surfaces among the walls that hold no air; None where there is none.
+def find_solid(air: Air) -> Solid | None:
+    """The union of the closed surfaces that the walls are and that hold no air; None where there is none.
 
-    Tried as one solid first; a scene with open sheets in it is cut into its connected `parts`. A body with
-    holes, of which the air sees nothing but fronts, is mended.
+    A body with holes, of which the air sees nothing but fronts, is mended.
     """
-    walls = air.walls
-    boundary = _union(walls, air)
-    if boundary is None and parts is not None:
-        boundary = _union(walls.select(_closed_rows(walls, parts)), air)
+    boundary = _union(air.walls, air)
     if boundary is not None and len(boundary) > 0:
         return _solid_of(boundary)
     return _mended(air)
@@ -169,28 +161,6 @@ def _union(walls: Surface, air: Air | None) -> Surface | None:
     return from_triangles(corners * scale + center)
 
 
-def _closed_rows(walls: Surface, parts: Parts) -> NDArray[np.int64]:
-    """Rows of the parts that are closed; the area vectors of a closed surface sum to zero, which is cheap."""
-    count = len(parts)
-    vectors = walls.areas[:, None] * walls.normals
-    sums = np.stack([np.bincount(parts.of_triangle, vectors[:, k], count) for k in range(3)], axis=1)
-    areas = np.bincount(parts.of_triangle, walls.areas, count)
-    balanced = np.linalg.norm(sums, axis=1) <= 1e-6 * areas
-    largest = np.argsort(-areas, kind="stable")
-    largest = largest[balanced[largest] & (areas[largest] > 0)][:MOST_PIECES]
-    order = np.argsort(parts.of_triangle, kind="stable")
-    limits = np.searchsorted(parts.of_triangle[order], np.arange(count + 1))
-    kept = []
-    for part in largest:
-        rows = order[limits[part] : limits[part + 1]]
-        try:
-            mesh_solid(walls.select(rows), walls.center, walls.diagonal)
-        except NotClosed:
-            continue
-        kept.append(rows)
-    return np.sort(np.concatenate([*kept, np.zeros(0, np.int64)]))
-
-
 def inside_targets(targets: Targets, air: Air, solid: Solid, count: int, seed: int) -> Targets:
     """The targets, and up to `count` points in the solid, whose distances are negative.
 
@@ -226,10 +196,6 @@ def inside_targets(targets: Targets, air: Air, solid: Solid, count: int, seed: i
         sample=np.full(len(points), -1, np.int64),
         caps=np.full(len(points), FARTHEST_CELLS * air.cell),
         ways=np.zeros((len(points), 3)),
+        passing=np.zeros(len(points), bool),
     )
-    rows: dict[str, Any] = {
-        f.name: np.concatenate([getattr(targets, f.name), getattr(added, f.name)])
-        for f in fields(Targets)
-        if isinstance(getattr(targets, f.name), np.ndarray)
-    }
-    return replace(targets, **rows)
+    return join_targets([targets, added])

@@ -96,7 +96,7 @@ def fit(
         glow = find_glow(scene, air, settings.seed)
     with stages("parts"):
         parts_fits = fit_parts(air, parts, wanted, targets, seen.samples.triangle)
-        fixed = emissive_parts(glow, air, parts, MOST_LAMPS)
+        fixed = emissive_parts(glow, air, parts, min(MOST_LAMPS, settings.limit() // LAMPS_SHARE))
     with stages("build"):
         whole = no_shapes() if len(fixed) else exact_whole(parts_fits, settings)
         shapes = whole if len(whole) else build(
@@ -154,8 +154,9 @@ def _canonical_air(air: Air | None, pose: Pose, scene: Scene, surface: Surface, 
         raise LostSeed(seed, nearest, lost.room * pose.unit) from None
 
 
-MOST_LAMPS = 16
-"""Parts that emit light and keep a primitive of their own, the strongest first."""
+MOST_LAMPS, LAMPS_SHARE = 16, 3
+"""Parts that emit light and keep a primitive of their own, the strongest first: at most so many, and one of
+so many primitives."""
 
 STEP_CELLS = 1.5
 """Farthest that a face may move in one pass of the refinement."""

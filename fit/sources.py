@@ -79,7 +79,7 @@ def _size_alone(settings: FitSettings) -> int:
     """At which size a closed body's own fit is the set; 0 where the growth has its say."""
     if settings.max_error is not None or set(settings.kinds) != set(KINDS) or "bodies" not in settings.steps:
         return 0
-    if settings.max_primitives is None and settings.preset is None:
+    if not settings.has_budget:
         return min(settings.limit(), BODY_BY_DEFAULT)
     return settings.limit() if settings.limit() <= BODY_ALONE else 0
 

@@ -26,8 +26,8 @@ NEAR_CELLS = 3
 RAYS = 6_000
 """Rays that the set must stop where the surface does, neither after nor before."""
 
-RAYS_WEIGHT = 20.0
-"""Of all rays together, behind their hits and before; surface and air weigh 1 each."""
+LEAKS_WEIGHT, BLOCKS_WEIGHT = 20.0, 20.0
+"""Of all rays together, behind their hits and before them; surface and air weigh 1 each."""
 
 LEAK_SHARE = 0.01
 """Of the diagonal: a ray that goes on for longer behind its hit has leaked."""
@@ -156,7 +156,7 @@ def _rows(
 
 
 def _ray_targets(air: Air, seed: int) -> tuple[Targets, Targets]:
-    """Random rays behind their hits, and before them; either part weighs `RAYS_WEIGHT`."""
+    """Random rays behind their hits, and before them; which weigh `LEAKS_WEIGHT` and `BLOCKS_WEIGHT`."""
     origins = air.random_points(RAYS, seed + _OWN_RAYS)
     directions = random_directions(len(origins), seed + _OWN_RAYS)
     distance, triangle = air.rays.first_hit(origins, directions)
@@ -165,11 +165,11 @@ def _ray_targets(air: Air, seed: int) -> tuple[Targets, Targets]:
     points = origins[hit] + distance[hit, None] * directions[hit]
     normals = air.walls.normals[triangle[hit]]
     normals = normals * -np.copysign(1.0, np.einsum("pk,pk->p", normals, directions[hit]))[:, None]
-    weights = np.full(len(hit), RAYS_WEIGHT / max(len(hit), 1))
+    weights = np.full(len(hit), LEAKS_WEIGHT / max(len(hit), 1))
     behind = _rows(air, points, weights, normals=normals, ways=missed * directions[hit])
     free = np.minimum(distance, air.walls.diagonal) - missed
     before = np.flatnonzero(free > 0)
-    weights = np.full(len(before), RAYS_WEIGHT / max(len(origins), 1))
+    weights = np.full(len(before), BLOCKS_WEIGHT / max(len(origins), 1))
     ways = free[before, None] * directions[before]
     return behind, _rows(air, origins[before], weights, ways=ways, passing=True)
 

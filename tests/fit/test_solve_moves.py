@@ -15,6 +15,7 @@ from fit.merge import thin_out
 from fit.objective import Targets, error, join_targets, leak_share, penalties, penalty_slopes
 from fit.primitives import Kind
 from fit.refine import refine
+from fit.settings import FitSettings
 from fit.shapes import Shapes, join, make_shapes, no_shapes
 from fit.targets import along_a_curve
 
@@ -87,6 +88,9 @@ def test_rays_leak_where_the_set_leaves_their_way_open() -> None:
     assert leak_share(floor, rays) == 0
     assert leak_share(half, rays) == pytest.approx(0.5, abs=0.1)
     assert leak_share(no_shapes(), rays) == 1
+    sheet = box((0, -0.05, 0), (2, 1e-5, 2))
+    assert leak_share(sheet, rays) == 0, "a sheet between two of the places stops the ray as well"
+    assert error(sheet, rays) == 0
     below = box((0, -0.5, 0), (2, 0.05, 2))
     assert error(below, rays) > 0.7 * rays.leak * 0.7, "a leak hardly grows with its distance"
     assert error(no_shapes(), rays) < rays.leak
@@ -189,3 +193,18 @@ def test_good_enough_sets_are_as_small_as_they_may_be(sources: Sources) -> None:
     shapes = build(targets, sources, no_shapes(), limit=16, max_step=0.3, enough=enough)
     assert error(shapes, targets) <= bound
     assert error(without_least(shapes, targets, 0)[0], targets) > bound
+
+
+def test_every_cap_is_a_budget() -> None:
+    """So many bytes ask for the same set as so many primitives."""
+    by_count, by_bytes = FitSettings(max_primitives=64), FitSettings(max_bytes=4096)
+    assert by_bytes.limit() == by_count.limit() == 64
+    assert by_bytes.least_gain() == by_count.least_gain() < FitSettings().least_gain()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"resolution": 0}, {"kinds": ()}, {"skip_below": -1.0}, {"max_leaks": -0.1}]
+)
+def test_settings_without_sense_are_refused(wrong: dict) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        FitSettings(**wrong)
