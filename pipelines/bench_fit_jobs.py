@@ -17,12 +17,11 @@ import numpy as np
 from fit import gltf, solve
 from fit.canonical import TurnedAir, world_air
 from fit.measure import Probes, measure, measure_each, place_probes
-from fit.objective import Targets, penalties
+from fit.objective import Targets, error
 from fit.primitives import Kind, PrimitiveSet
 from fit.rays import RayCaster
 from fit.scene import Scene
-from fit.sdf import union_distance
-from fit.shapes import to_primitives
+from fit.shapes import Shapes, no_shapes, to_primitives
 from fit.surface import Surface, from_scene
 from fit.targets import make_targets, see_surface
 from pipelines.bench_fit_peers import VARIANTS, Peer, hulls, to_shapes
@@ -129,13 +128,21 @@ def judge(primitives: PrimitiveSet, prepared: Prepared, seed: int) -> dict[str, 
 
 
 def relative_error(primitives: PrimitiveSet, targets: Targets) -> float:
-    """E of the set over E of no set at all: 0 is perfect, 1 is worth nothing."""
-    empty = np.full(len(targets), targets.reach)
-    distance = empty
-    if len(primitives):
-        distance = np.minimum(union_distance(primitives, targets.points)[0], targets.reach)
-    nothing = float(penalties(targets, empty).sum())
-    return float(penalties(targets, distance).sum()) / nothing if nothing > 0 else 0.0
+    """E of the set over E of no set at all: 0 is perfect, 1 is worth nothing. Both in the same axes."""
+    nothing = error(no_shapes(), targets)
+    return error(from_primitives(primitives), targets) / nothing if nothing > 0 else 0.0
+
+
+def from_primitives(primitives: PrimitiveSet) -> Shapes:
+    """The solids of a set without half-spaces; planes are the thin boxes that they were."""
+    kinds = np.where(primitives.kinds == Kind.PLANE, Kind.BOX, primitives.kinds).astype(np.uint8)
+    return Shapes(
+        kinds=kinds,
+        centers=primitives.positions,
+        frames=primitives.rotation_matrices(),
+        halves=primitives.sizes / 2,
+        exact=np.zeros(len(primitives), bool),
+    )
 
 
 def _by_kind(primitives: PrimitiveSet, probes: Probes) -> dict[str, dict[str, float]]:
@@ -143,9 +150,9 @@ def _by_kind(primitives: PrimitiveSet, probes: Probes) -> dict[str, dict[str, fl
     errors = measure_each(primitives, probes) if len(primitives) else ()
     found = {}
     for kind in (kind.name.lower() for kind in Kind):
-        own = [error for error in errors if error.kind == kind]
-        share = sum(error.surface_share for error in own)
-        moment = sum(error.surface_share * error.surface_to_set_mean_m for error in own)
+        own = [each for each in errors if each.kind == kind]
+        share = sum(each.surface_share for each in own)
+        moment = sum(each.surface_share * each.surface_to_set_mean_m for each in own)
         found[kind] = {"surface_share": share, "surface_to_set_mean_m": moment / share if share else 0.0}
     return found
 

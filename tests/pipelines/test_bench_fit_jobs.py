@@ -9,13 +9,24 @@ import numpy as np
 import pytest
 import trimesh
 
+from fit.air import find_air
+from fit.objective import error, penalties
 from fit.primitives import Kind
 from fit.recognize import Piece
-from fit.shapes import KINDS, to_primitives
+from fit.shapes import (
+    KINDS,
+    Shapes,
+    distances_to_one,
+    make_shapes,
+    no_shapes,
+    rotation_matrices,
+    to_primitives,
+)
 from fit.solve import STEPS
 from fit.surface import from_triangles
+from fit.targets import make_targets, see_surface
 from pipelines import bench_fit_jobs, bench_fit_peers
-from pipelines.bench_fit_jobs import Trial, fit_once, prepare, relative_error, run_peer
+from pipelines.bench_fit_jobs import Trial, fit_once, from_primitives, prepare, relative_error, run_peer
 
 
 def quiet(stage: str, fraction: float) -> None:
@@ -58,6 +69,36 @@ def test_no_set_has_all_the_error_there_is(store: Path) -> None:
     nothing = to_primitives(bench_fit_peers.join([]))
     assert relative_error(nothing, prepared.targets) == 1
     assert prepared.air.rays.first_hit(np.array([[0.0, 50, 0]]), np.array([[0.0, -1, 0]]))[1][0] >= 0
+
+
+def test_a_wall_a_third_of_a_cell_off_has_the_fits_own_error() -> None:
+    """Rays meet it within their ways behind the front: by distances at points alone, they would leak."""
+    size = np.array([4.0, 2.0, 0.2])
+    air = find_air(from_triangles(np.asarray(trimesh.creation.box(size).triangles)), resolution=60)
+    seen = see_surface(air, 2000, 0)
+    targets = make_targets(seen, air, seen.weights, 2000, 0)
+    off = make_shapes(Kind.BOX, np.array([[0, 0, 0.3 * air.cell]]), np.eye(3), size / 2)
+    nothing = error(no_shapes(), targets)
+    found = relative_error(to_primitives(off), targets)
+    assert found == pytest.approx(error(off, targets) / nothing)
+    at_points = np.minimum(distances_to_one(off, 0, targets.points), targets.reach)
+    assert found < 0.8 * penalties(targets, at_points).sum() / nothing
+
+
+def test_every_kind_is_judged_as_the_solid_that_it_is() -> None:
+    rng = np.random.default_rng(3)
+    frames = rotation_matrices(rng.normal(size=(4, 3)))
+    halves = np.array([(1, 2, 3), (2, 2, 2), (1, 2, 1), (2, 1e-4, 3)])
+    kinds = np.array([Kind.BOX, Kind.SPHERE, Kind.CYLINDER, Kind.BOX], np.uint8)
+    shapes = Shapes(kinds, rng.normal(size=(4, 3)), frames, halves, np.zeros(4, bool))
+    primitives = to_primitives(shapes)
+    assert primitives.kinds[3] == Kind.PLANE
+    back = from_primitives(primitives)
+    points = rng.normal(size=(50, 3)) * 3
+    for which in range(4):
+        np.testing.assert_allclose(
+            distances_to_one(back, which, points), distances_to_one(shapes, which, points), atol=1e-9
+        )
 
 
 def test_a_peer_is_judged_at_the_same_points(
