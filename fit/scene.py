@@ -192,3 +192,14 @@ class Scene:
 def transform_points(matrix: Float64, points: Float64) -> Float64:
     """Points (n, 3) through an affine (4, 4) matrix."""
     return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def normal_matrix(matrices: Float64) -> Float64:
+    """What carries normals (not unit ones) through linear maps (..., 3, 3), mirrors and uneven scales too.
+
+    The cofactors with the determinant's sign: the transposed inverse without its division, so flat maps pass.
+    """
+    a, b, c = matrices[..., 0, :], matrices[..., 1, :], matrices[..., 2, :]
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
+    mirrored = np.einsum("...i,...i->...", a, cofactors[..., 0, :]) < 0
+    return np.where(mirrored[..., None, None], -cofactors, cofactors)

@@ -8,7 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.scene import AlphaMode, Float64, Material, Mesh, Scene, TextureUse, Wrap, transform_points
+from fit.scene import (
+    AlphaMode,
+    Float64,
+    Material,
+    Mesh,
+    Scene,
+    TextureUse,
+    Wrap,
+    normal_matrix,
+    transform_points,
+)
 from runtime.device import Gpu
 from runtime.meshes import BLEND_CUTOFF
 from runtime.resources import Buffer
@@ -188,10 +198,7 @@ def _collect(scene: Scene, origin: Float64) -> tuple[Float64, np.ndarray, NDArra
 
 
 def _corner_records(mesh: Mesh, material: Material, matrix: Float64) -> np.ndarray:
-    m = matrix[:3, :3]
-    cofactor = np.stack([np.cross(m[1], m[2]), np.cross(m[2], m[0]), np.cross(m[0], m[1])])
-    cofactor *= np.sign(np.linalg.det(m)) or 1.0
-    normals = mesh.normals @ cofactor.T
+    normals = mesh.normals @ normal_matrix(matrix[:3, :3]).T
     normals /= np.maximum(np.abs(normals).max(axis=1, keepdims=True), 1e-300)
     colors = np.ones((len(mesh.positions), 4)) if mesh.colors is None else mesh.colors
     codes = np.rint(np.clip(colors, 0, 1) * 255).astype(np.uint32)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fit.gltf.errors import GltfError
 from fit.gltf.notes import Notes
 from fit.gltf.primitives import Primitive
+from fit.scene import normal_matrix
 
 Float64 = NDArray[np.float64]
 
@@ -55,13 +56,11 @@ def skin(file: str, primitive: Primitive, joint_matrices: Float64, notes: Notes)
         joint = np.where(used[:, influence], joints[:, influence], 0)
         blend += weights[:, influence, None, None] * joint_matrices[joint]
     positions = np.einsum("nij,nj->ni", blend[:, :3, :3], primitive.positions) + blend[:, :3, 3]
-    cofactors, determinants = _cofactors(blend[:, :3, :3])
     normals = None
     if primitive.normals is not None:
-        turned = np.einsum("nij,nj->ni", cofactors, primitive.normals)
-        normals = turned * np.where(determinants < 0, -1.0, 1.0)[:, None]
+        normals = np.einsum("nij,nj->ni", normal_matrix(blend[:, :3, :3]), primitive.normals)
     triangles = primitive.triangles.copy()
-    mirrored = determinants[triangles].sum(axis=1) < 0
+    mirrored = np.linalg.det(blend[:, :3, :3])[triangles].sum(axis=1) < 0
     triangles[mirrored] = triangles[mirrored][:, ::-1]
     return replace(
         primitive, positions=positions, normals=normals, triangles=triangles, joints=None, weights=None
@@ -76,10 +75,3 @@ def _unit_weights(weights: Float64, notes: Notes) -> Float64:
     notes.repair("vertices without skin weights", int(np.count_nonzero(lost)))
     clean[lost, 0] = 1.0
     return clean / np.where(lost, 1.0, total)[:, None]
-
-
-def _cofactors(matrices: Float64) -> tuple[Float64, Float64]:
-    """Cofactor matrices (n, 3, 3), which turn normals, and determinants (n,)."""
-    a, b, c = matrices[:, 0], matrices[:, 1], matrices[:, 2]
-    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
-    return cofactors, np.einsum("ni,ni->n", a, cofactors[:, 0])

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fit.scene import Float64, Instance, Mesh, Scene, TextureUse, transform_points
+from fit.scene import Float64, Instance, Mesh, Scene, TextureUse, normal_matrix, transform_points
 from pipelines.reference.surfaces import Surfaces
 
 _LIFT = 1e-5
@@ -28,11 +28,12 @@ def mesh_shapes(scene: Scene, surfaces: Surfaces, origin: Float64, folder: Path)
         if len(mesh.triangles) == 0 or material.transmission > 0:
             continue
         path = folder / f"{number}.ply"
-        _write(path, scene, mesh, material.base_color_texture or material.emission_texture, instance, origin)
+        use, colors = surfaces.coordinates(mesh.material), surfaces.vertex_colors(mesh)
+        _write(path, mesh, use, colors, instance, origin)
         shape: dict[str, Any] = {
             "type": "ply",
             "filename": str(path),
-            "bsdf": surfaces.bsdf(mesh.material, mesh.colors is not None),
+            "bsdf": surfaces.bsdf(mesh.material, colors is not None),
         }
         emitter = surfaces.emission(mesh.material)
         if emitter is not None:
@@ -40,23 +41,23 @@ def mesh_shapes(scene: Scene, surfaces: Surfaces, origin: Float64, folder: Path)
         shapes[f"instance_{number}"] = shape
         if emitter is not None and material.double_sided:
             other = folder / f"{number}_back.ply"
-            _write(other, scene, mesh, material.emission_texture, instance, origin, back=lift)
+            _write(other, mesh, use, colors, instance, origin, back=lift)
             shapes[f"instance_{number}_back"] = {**shape, "filename": str(other)}
     return shapes
 
 
 def _write(
     path: Path,
-    scene: Scene,
     mesh: Mesh,
     use: TextureUse | None,
+    colors: Float64 | None,
     instance: Instance,
     origin: Float64,
     back: float = 0.0,
 ) -> None:
-    """Binary PLY; `back`: the other side of the faces, so far off them."""
+    """Binary PLY with linear `colors` (n, 3); `back`: the other side of the faces, so far off them."""
     matrix = instance.world_from_local
-    normals = mesh.normals @ _cofactor(matrix[:3, :3]).T
+    normals = mesh.normals @ normal_matrix(matrix[:3, :3]).T
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
     triangles = mesh.triangles
     if np.linalg.det(matrix[:3, :3]) < 0:
@@ -70,8 +71,8 @@ def _write(
     if use is not None and use.texcoord < len(mesh.texcoords):
         uv = mesh.texcoords[use.texcoord] @ use.transform[:2, :2].T + use.transform[:2, 2]
         fields |= {"u": uv[:, 0], "v": uv[:, 1]}
-    if mesh.colors is not None:
-        fields |= {"color_r": mesh.colors[:, 0], "color_g": mesh.colors[:, 1], "color_b": mesh.colors[:, 2]}
+    if colors is not None:
+        fields |= {"r": colors[:, 0], "g": colors[:, 1], "b": colors[:, 2]}  # together: vertex_color
     vertices = np.zeros(len(points), [(name, "<f4") for name in fields])
     for name, values in fields.items():
         vertices[name] = values
@@ -81,8 +82,3 @@ def _write(
     header += [f"property float {name}" for name in fields]
     header += [f"element face {len(faces)}", "property list uchar int vertex_index", "end_header", ""]
     path.write_bytes("\n".join(header).encode() + vertices.tobytes() + faces.tobytes())
-
-
-def _cofactor(m: Float64) -> Float64:
-    """What carries normals through mirrors and uneven scales."""
-    return np.stack([np.cross(m[1], m[2]), np.cross(m[2], m[0]), np.cross(m[0], m[1])])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.scene import AlphaMode, Material, Scene, TextureUse, Wrap
+from fit.scene import AlphaMode, Float64, Material, Mesh, Scene, TextureUse, Wrap
 from runtime.meshes import BLEND_CUTOFF
 from runtime.twins.color import color_linear_from_srgb
 
@@ -33,12 +33,38 @@ class Surfaces:
         materials = self._scene.materials
         return materials[index] if 0 <= index < len(materials) else Material()
 
+    def coordinates(self, index: int) -> TextureUse | None:
+        """Whose texture coordinates a mesh is written with: Mitsuba's have one set for all textures."""
+        material = self.material(index)
+        base, emission = material.base_color_texture, material.emission_texture
+        if not any(material.emission) or emission is None:
+            return base
+        if base is None:
+            return emission
+        if base.texcoord != emission.texcoord or not np.array_equal(base.transform, emission.transform):
+            self._note(f"material {material.name!r} emits by the coordinates of its base colour, not its own")
+        return base
+
+    def vertex_colors(self, mesh: Mesh) -> Float64 | None:
+        """Linear colours (n, 3) of vertices times the material's factor, where they are all that there is."""
+        material = self.material(mesh.material)
+        if mesh.colors is None:
+            return None
+        if material.base_color_texture is not None:
+            if (mesh.colors[:, :3] != 1).any():
+                self._note(f"mesh {mesh.name!r} has vertex colours, which its texture is not multiplied by")
+            return None
+        return np.asarray(mesh.colors[:, :3] * np.array(material.base_color[:3]))
+
+    def _note(self, text: str) -> None:
+        self.notes = tuple(dict.fromkeys((*self.notes, text)))
+
     def _bsdf(self, index: int, has_colors: bool) -> dict[str, Any]:
         material = self.material(index)
         factor = np.array(material.base_color[:3], np.float32)
         use = material.base_color_texture
         reflectance = self._color_texture(use, factor)
-        if has_colors and use is None:
+        if has_colors:
             reflectance = {"type": "mesh_attribute", "name": "vertex_color"}
         diffuse = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": reflectance}}
         cutoff = {AlphaMode.MASK: material.alpha_cutoff, AlphaMode.BLEND: BLEND_CUTOFF}.get(
@@ -80,10 +106,9 @@ class Surfaces:
     def _bitmap(self, use: TextureUse, values: Float32, linear: bool) -> dict[str, Any]:
         texture = self._scene.textures[use.texture]
         if texture.wrap_u != texture.wrap_v:
-            note = (
+            self._note(
                 f"texture {use.texture} wraps by {texture.wrap_u} along v too: Mitsuba knows one way for both"
             )
-            self.notes = tuple(dict.fromkeys((*self.notes, note)))
         return {
             "type": "bitmap",
             "bitmap": self._mi.Bitmap(np.ascontiguousarray(values)),

@@ -246,6 +246,40 @@ def test_lamps_that_are_double_sided_shine_both_ways():
     np.testing.assert_allclose(half, np.pi * np.array([[3, 2, 1], [0, 0, 0]]), atol=0.1)
 
 
+def test_a_lamp_that_is_mirrored_shines_the_way_its_triangles_face():
+    """Mirrored in x it faces +z as before, but triangles change their order; mirrored in z it faces -z."""
+    lamp = quad(Material(emission=(3, 2, 1)))
+    points, normals = [[0, 0, 0.01], [0, 0, -0.01]], [[0, 0, -1.0], [0, 0, 1.0]]
+    for turn, side in (((-1, 1, 1), 0), ((1, 1, -1), 1), ((-1, 1, -1), 1)):
+        placed = replace(lamp, instances=(Instance(0, -1, np.diag([*turn, 1.0]).astype(float)),))
+        expected = np.zeros((2, 3))
+        expected[side] = np.pi * np.array([3, 2, 1])
+        lit = mesh_reference(placed, DARK).irradiance(points, normals, samples=16).value
+        np.testing.assert_allclose(lit, expected, atol=0.1)
+
+
+def with_colors(scene: Scene, color: tuple[float, float, float, float]) -> Scene:
+    return replace(scene, meshes=(replace(scene.meshes[0], colors=np.tile(color, (4, 1))),))
+
+
+def test_vertex_colours_are_multiplied_by_the_factor():
+    scene = with_colors(quad(Material(base_color=(0.5, 0.4, 1, 1))), (0.5, 1, 0.25, 1))
+    reference = mesh_reference(scene, Illumination((Sun((0, 0, 1), np.pi),)))
+    picture = reference.picture(straight_on(), (4, 4), samples=2)
+    np.testing.assert_allclose(picture.direct[2, 2], (0.25, 0.4, 0.25), rtol=1e-3)
+    assert reference.notes == ()
+
+
+def test_what_mitsuba_cannot_say_of_textures_is_noted():
+    colored = with_colors(textured(np.full((2, 2, 4), 255)), (0.5, 1, 0.25, 1))
+    assert any("vertex colours" in note for note in mesh_reference(colored, DARK).notes)
+    lamp = {"emission": (1, 1, 1), "emission_texture": TextureUse(0, transform=np.diag([2.0, 2, 1]))}
+    glowing = textured(np.full((2, 2, 4), 255), **lamp)
+    assert any("emits by the coordinates" in note for note in mesh_reference(glowing, DARK).notes)
+    alike = textured(np.full((2, 2, 4), 255), **lamp | {"emission_texture": TextureUse(0)})
+    assert mesh_reference(alike, DARK).notes == ()
+
+
 def test_each_kind_and_face_shows_its_own_colour():
     colors = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (0, 1, 1), (1, 0, 1)]
     box = make_box((0, 0, 0), (1, 1, 1), albedo=colors)
