@@ -174,9 +174,6 @@ def distances_from(shapes: Shapes, which: int, targets: Targets, rows: Rows = sl
         for share in PLACES[1:]:
             behind = distances_to_one(shapes, which, starts + share * ways)
             distances[rays] = np.minimum(distances[rays], behind)
-        # A sheet between two of the places stops the ray just as well.
-        stopped = cross(shapes, which, starts, ways)
-        distances[rays] = np.where(stopped, np.minimum(distances[rays], 0.0), distances[rays])
     return distances
 
 
@@ -199,9 +196,16 @@ def set_distances(shapes: Shapes, targets: Targets) -> Float64:
 
 
 def leak_share(shapes: Shapes, targets: Targets) -> float:
-    """Share of the rays that leak."""
+    """Share of the rays that leak: no shape stops them on their way, nor is one as near as makes no odds.
+
+    E looks at three places of the way alone. Told of every sheet in between, which has no slope to follow,
+    the set of Sponza came out worse in all but that.
+    """
     rays = targets.select(targets.is_ray)
-    return float((set_distances(shapes, rays) > targets.soft).mean()) if len(rays) else 0.0
+    leaking = set_distances(shapes, rays) > targets.soft
+    for i in range(len(shapes)):
+        leaking[leaking] = ~cross(shapes, i, rays.points[leaking], rays.ways[leaking])
+    return float(leaking.mean()) if len(rays) else 0.0
 
 
 def error(shapes: Shapes, targets: Targets) -> float:

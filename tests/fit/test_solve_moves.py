@@ -90,7 +90,6 @@ def test_rays_leak_where_the_set_leaves_their_way_open() -> None:
     assert leak_share(no_shapes(), rays) == 1
     sheet = box((0, -0.05, 0), (2, 1e-5, 2))
     assert leak_share(sheet, rays) == 0, "a sheet between two of the places stops the ray as well"
-    assert error(sheet, rays) == 0
     below = box((0, -0.5, 0), (2, 0.05, 2))
     assert error(below, rays) > 0.7 * rays.leak * 0.7, "a leak hardly grows with its distance"
     assert error(no_shapes(), rays) < rays.leak
