@@ -153,15 +153,14 @@ struct DdgiInfo {  // 16 bytes
     gamma: f32,        // 12
 }
 
-struct RelocateSettings {  // 32 bytes
+struct RelocateSettings {  // 28 bytes
     probe_count: u32,    // 0
     is_first: u32,       // 4
     may_sleep: u32,      // 8
-    backs_inside: f32,   // 12
-    clearance: f32,      // 16
-    reach: f32,          // 20
-    reach_of_rays: f32,  // 24
-    jump: f32,           // 28
+    clearance: f32,      // 12
+    reach: f32,          // 16
+    reach_of_rays: f32,  // 20
+    jump: f32,           // 24
 }
 
 struct DdgiUpdate {  // 64 bytes

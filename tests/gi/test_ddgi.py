@@ -88,6 +88,30 @@ def test_probes_leave_walls_and_those_that_cannot_are_off(make_stage):
     assert stuck[3] == 0
 
 
+@pytest.mark.parametrize("sleep", [False, True])
+def test_a_probe_that_leaves_a_wall_in_the_last_frame_is_on(make_stage, sleep):
+    wall = make_box((1.0, 0, 0), (0.3, 8, 8))
+    grid = ProbeGrid((-1.0, 0, 0), 2.0, (2, 1, 1))
+    stage = make_stage("ddgi", wall, grid=grid, relocation_frames=1, sleep=sleep).run(3)
+    moved = states_of(stage)[1]
+    assert abs(moved[0] + stage.world.origin[0] - 1.0) > 0.15
+    assert moved[3] == 1
+
+
+def test_a_change_is_told_by_the_root_that_is_stored(make_stage, make_room, inner_surface):
+    """Ten times the light is less than twice its fifth root: a change, but not altogether one."""
+    surface = inner_surface(300)
+    found = []
+    for change in (0.3, 0.4):  # 1 - 10 ** (-1 / 5) is 0.37
+        stage = make_stage(
+            "ddgi", make_room(0.2, emission=1.0), grid=MIDDLE, bounce=0.0, change_altogether=change
+        ).run(5)
+        stage.world.update(make_room(0.2, emission=10.0))
+        found.append(stage.run(1).irradiance(*surface).mean() / (np.pi * 10))
+    assert found[0] == pytest.approx(1, rel=0.05)
+    assert found[1] < 0.5
+
+
 def test_probes_far_from_surfaces_sleep_when_asked_to(make_stage):
     block = make_box((0, 0, 0), (1, 1, 1))
     grid = ProbeGrid((-0.8, -0.8, -0.8), 0.7, (8, 1, 1))

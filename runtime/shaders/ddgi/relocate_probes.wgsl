@@ -1,8 +1,9 @@
 // Moves probes out of walls and away from them, by fixed rays, and switches off those that stay inside (Majercik et al.
-// 2021, sections 3.1 and 3.2): a probe that sees backs leaves through the nearest of them; one that is too near to a
-// front goes towards where most room is; one with room to spare returns to its node. Small steps, a few frames long.
+// 2021, sections 3.1 and 3.2): a probe that is inside leaves through the nearest back; one that is too near to a front
+// goes towards where most room is; one with room to spare returns to its node. Small steps, a few frames long.
 
 import package::ddgi::probe_rays::{signed_distance};
+import package::lib::candidates::{world_distance};
 import package::lib::random::{spherical_fibonacci};
 import package::probes::grid::{probe_grid};
 import package::structs::{RelocateSettings};
@@ -19,9 +20,9 @@ const PROBE_INSIDE: f32 = 0.0;
 
 var<workgroup> distances: array<f32, RAYS>;
 
-fn relocated(node: vec3f, place: vec3f, backs: u32, back: u32, near: u32, far: u32) -> vec3f {
+fn relocated(node: vec3f, place: vec3f, is_inside: bool, back: u32, near: u32, far: u32) -> vec3f {
     var offset = place - node;
-    if f32(backs) > settings.backs_inside * f32(RAYS) {
+    if is_inside {
         offset += spherical_fibonacci(back, RAYS) * (0.5 * settings.clearance - distances[back]);
     } else if distances[near] < settings.clearance {
         let away = spherical_fibonacci(far, RAYS);
@@ -51,24 +52,24 @@ fn main(
     if thread > 0u || group.x + group.y * groups.x >= settings.probe_count {
         return;
     }
-    var backs = 0u;
+    var is_inside = false;
     var back = 0u;
     var near = 0u;
     var far = 0u;
     var sees_surface = false;
     for (var i = 0u; i < RAYS; i++) {
+        let reached = abs(spherical_fibonacci(i, RAYS) * distances[i]);
+        sees_surface = sees_surface || all(reached <= vec3f(probe_grid.spacing));
         if distances[i] < 0.0 {
-            backs++;
+            is_inside = true;  // as every ray then says
             back = select(back, i, distances[back] >= 0.0 || distances[i] > distances[back]);
             continue;
         }
         near = select(near, i, distances[near] < 0.0 || distances[i] < distances[near]);
         far = select(far, i, distances[far] < 0.0 || distances[i] > distances[far]);
-        let reached = abs(spherical_fibonacci(i, RAYS) * distances[i]);
-        sees_surface = sees_surface || all(reached <= vec3f(probe_grid.spacing));
     }
-    let moved = relocated(node, place, backs, back, near, far);
-    var state = select(PROBE_ON, PROBE_INSIDE, f32(backs) > settings.backs_inside * f32(RAYS));
+    let moved = relocated(node, place, is_inside, back, near, far);
+    var state = select(PROBE_ON, PROBE_INSIDE, world_distance(moved) < 0.0);
     if state == PROBE_ON && !sees_surface && settings.may_sleep != 0u {
         state = PROBE_ASLEEP;
     }

@@ -3,7 +3,6 @@
 
 import package::ddgi::lookup::{PROBE_ON, gi_irradiance, probe_states};
 import package::lib::brdf::{brdf_lambert};
-import package::lib::candidates::{world_distance};
 import package::lib::lights::{direct_radiance_at_hit};
 import package::lib::march::{trace};
 import package::lib::primitives::{shape_half_thickness};
