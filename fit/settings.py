@@ -62,6 +62,8 @@ class FitSettings:
             value = getattr(self, name)
             if value is not None and not value >= least:
                 raise ValueError(f"{name} {value}: expected at least {least}")
+        if self.max_leaks > 1:
+            raise ValueError(f"max_leaks {self.max_leaks}: expected a share of the rays, from 0 to 1")
 
     def limit(self) -> int:
         """Most primitives that any of the caps allows."""

@@ -29,6 +29,7 @@ from fit.fit_parts import fit_parts
 from fit.glow import find_glow
 from fit.keep import emissive_parts, skip_small_parts
 from fit.measure import Metrics, PrimitiveError, measure, measure_each, place_probes
+from fit.notes import notes_on_result
 from fit.objective import Targets, error, set_distances
 from fit.paint import paint
 from fit.palette import find_palette
@@ -124,11 +125,12 @@ def fit(
     outer = world_air(air, pose)
     # Where every face is a wall, both are one: millions of triangles are not turned twice.
     turned = outer.walls if air.walls is surface else world_surface(surface, pose)
+    placed, lengths = world_primitives(primitives, pose), world_lengths(metrics, pose)
+    reached = pose.unit * _surface_p95(shapes, targets.select(np.flatnonzero(targets.is_surface)))
     return Fit(
-        world_primitives(primitives, pose), turned, outer,
-        world_lengths(metrics, pose), volumes.in_units(pose.unit),
+        placed, turned, outer, lengths, volumes.in_units(pose.unit),
         tuple(world_lengths(one, pose) for one in errors), _in_metres(skipped, pose.unit), stages.seconds,
-        _notes(shapes, settings, targets, pose.unit, unmended) + outer.notes(),
+        (*filter(None, [unmended]), *notes_on_result(placed, lengths, settings, reached), *outer.notes()),
     )  # fmt: skip
 
 
@@ -174,21 +176,6 @@ def _enough(targets: Targets, settings: FitSettings, unit: float) -> Enough:
 
 def _surface_p95(shapes: Shapes, surface: Targets) -> float:
     return float(np.percentile(np.abs(set_distances(shapes, surface)), 95)) if len(surface) else 0.0
-
-
-def _notes(
-    shapes: Shapes, settings: FitSettings, targets: Targets, unit: float, unmended: str
-) -> tuple[str, ...]:
-    notes = [unmended] if unmended else []
-    if len(shapes) == 0:
-        notes.append("no primitive: no surface is seen from the air")
-    if settings.max_error is not None:
-        reached = unit * _surface_p95(shapes, targets.select(np.flatnonzero(targets.is_surface)))
-        if reached > settings.max_error:
-            notes.append(
-                f"max_error {settings.max_error:g} m not reached: {reached:.3g} m, {len(shapes)} primitives"
-            )
-    return tuple(notes)
 
 
 @dataclass

@@ -419,3 +419,7 @@ def _compare(settings: compare.CompareSettings, terminal: Terminal) -> int:
 
 def _exit_code(report: dict[str, Any]) -> int:
     return FAILED if any(row["status"] != "ok" for row in report["assets"]) else OK
+
+
+if __name__ == "__main__":
+    main()
