@@ -44,7 +44,8 @@ def descend_together(
 ) -> Shapes:
     """The set after at most `steps` of all its `free` shapes (n,); its difference is never above the given.
 
-    A step moves no face farther than the band is wide.
+    A step moves no coordinate of a centre and no half extent farther than the band is wide, nor turns a
+    corner farther about any axis: all together, a face may move a few bands.
     """
     band, free = occupancy.band, ~shapes.exact if free is None else free
     if not free.any():

@@ -14,15 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.partition import NORMAL_WEIGHT, Samples
+from fit.round_regions import LEAST_TURN
 from fit.scene import Float64
 
 Int64 = NDArray[np.int64]
 
 ROUND_WEIGHT = 0.25
 """Of the squared distance to a round proxy: facets lie along a circle, not around it, which is no fault."""
-
-LEAST_TURN = 0.1
-"""Variance of the normals from which a region can be round: a cap of 25 degrees about its mean direction."""
 
 COPLANAR, SAME_OFFSET = 0.985, 0.5
 """Cosine, and cells between the planes, of regions that are tried together though they do not touch."""

@@ -34,7 +34,8 @@ _DRAWS = 6
 @dataclass(frozen=True)
 class Occupancy:
     """p points (p, 3), the signed distances (p,) of the solid, negative inside, and the volumes (p,) that
-    they stand for, in m3. Distances count up to the `band`. Neighbours in space are side by side."""
+    they stand for, all in the units of the air, which are canonical in a fit. Distances count up to the
+    `band`. Neighbours in space are side by side."""
 
     points: Float64
     distances: Float64
@@ -159,7 +160,7 @@ def distance_table(shapes: Shapes, occupancy: Occupancy, bands: float = 1.0) -> 
 
 
 def difference(shapes: Shapes, occupancy: Occupancy) -> float:
-    """The symmetric difference of the set's union and the solid, in m3."""
+    """The symmetric difference of the set's union and the solid, in cubed units of the points."""
     distances = distance_table(shapes, occupancy).min(axis=0, initial=np.inf)
     return float(occupancy.differences(distances).sum())
 

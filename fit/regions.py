@@ -1,8 +1,9 @@
 """Candidates for the set from regions of the surface, at every scale: slabs along planes, round shapes.
 
-A hybrid variational approximation (Cohen-Steiner, Alliez and Desbrun 2004; Wu and Kobbelt 2005) for open
-sheets: the partition and its merges say *where* one primitive could do, the free air says how far that
-primitive may reach. The choice of candidates (`fit.choose`) does the rest.
+Variational shape approximation (Cohen-Steiner, Alliez and Desbrun 2004) for open sheets. The partition knows
+planes alone; spheres and cylinders (as in Wu and Kobbelt 2005) come in where its facets are merged. Both say
+*where* one primitive could do, the free air says how far that primitive may reach. The choice of candidates
+(`fit.choose`) does the rest.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ JUDGED_BY = 3
 
 
 def find_regions(air: Air, targets: Targets, *, seed: int = 0) -> Regions:
-    """Regions that a plane, sphere or cylinder explains, and their merges up to whole walls."""
+    """Facets of the surface, and merges of them that a plane or round shape explains, up to whole walls."""
     rows = np.flatnonzero(targets.is_surface)
     if len(rows) < 3:
         return Regions(air, rows, (), no_shapes())
