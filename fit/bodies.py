@@ -55,51 +55,45 @@ _LLOYD_STEPS = 12
 _LEAST_CLUSTER = 6
 
 
-def fit_body(solid: Solid, air: Air, limit: int, *, given: Shapes | None = None, seed: int = 0) -> Shapes:
-    """At most `limit` shapes whose union is nearly the solid; the `given` ones first and unchanged."""
-    given = no_shapes() if given is None else given.select(slice(0, limit))
+def fit_body(solid: Solid, air: Air, limit: int, *, seed: int = 0) -> Shapes:
+    """At most `limit` shapes whose union is nearly the solid."""
     rng = np.random.default_rng(seed)
     near = int(np.clip(POINTS_PER_SHAPE * limit, LEAST_POINTS, MOST_POINTS))
     final = sample_occupancy(solid, air, FINAL_POINTS * near, near // FAR_SHARE, seed)
     occupancy = final.select(slice(None, None, FINAL_POINTS), 1 / FINAL_POINTS)
     if not occupancy.inside.any():
-        return given
+        return no_shapes()
     coarse = occupancy.select(slice(None, None, START_POINTS), 1 / START_POINTS)
     wide = replace(coarse, band=BAND_CELLS * air.cell)
     count = int(OVER * limit)
-    starts = [_clustered(wide, count, given, rng), _inscribed(solid, wide, count, given, rng)]
+    starts = [_clustered(wide, count, rng), _inscribed(solid, wide, count, rng)]
     best = min(starts, key=lambda shapes: difference(shapes, wide))
-    shapes = shrink(best, coarse, limit, len(given))
-    swapped = descend_together(swap_kinds(shapes, occupancy, len(given)), occupancy, 12)
+    shapes = shrink(best, coarse, limit)
+    swapped = descend_together(swap_kinds(shapes, occupancy), occupancy, 12)
     shapes = min(shapes, swapped, key=lambda shapes: difference(shapes, occupancy))
-    shapes = _move(solid, shapes, occupancy, limit, len(given), rng)
+    shapes = _move(solid, shapes, occupancy, limit, rng)
     return descend_together(shapes, final, 30)
 
 
-def _clustered(occupancy: Occupancy, count: int, given: Shapes, rng: np.random.Generator) -> Shapes:
-    covered = distance_table(given, occupancy).min(axis=0, initial=np.inf) <= 0
-    rows = np.flatnonzero(occupancy.inside & ~covered)
-    if len(rows) == 0 or count <= len(given):
-        return given
+def _clustered(occupancy: Occupancy, count: int, rng: np.random.Generator) -> Shapes:
+    rows = np.flatnonzero(occupancy.inside)
     chance = occupancy.volumes[rows] / occupancy.volumes[rows].sum()
     points = occupancy.points[rows[rng.choice(len(rows), _CLUSTER_POINTS, p=chance)]]
-    label = _lloyd(points, count - len(given), rng)
+    label = _lloyd(points, count, rng)
     clusters = [points[label == k] for k in range(int(label.max()) + 1)]
     boxes = [of_moments(c, Kind.BOX) for c in clusters if len(c) >= _LEAST_CLUSTER]
-    shapes = descend_together(join([given, *boxes]), occupancy, 10)
-    return descend_together(swap_kinds(shapes, occupancy, len(given)), occupancy, 8)
+    shapes = descend_together(join(boxes), occupancy, 10)
+    return descend_together(swap_kinds(shapes, occupancy), occupancy, 8)
 
 
-def _inscribed(
-    solid: Solid, occupancy: Occupancy, count: int, given: Shapes, rng: np.random.Generator
-) -> Shapes:
-    """The given shapes and those, of all inscribed around points inside, that together fill it best."""
+def _inscribed(solid: Solid, occupancy: Occupancy, count: int, rng: np.random.Generator) -> Shapes:
+    """Those of all shapes inscribed around points inside that together fill it best."""
     rows = np.flatnonzero(occupancy.inside)
     chance = occupancy.volumes[rows] / occupancy.volumes[rows].sum()
     seeds = occupancy.points[rows[rng.choice(len(rows), INSCRIBED_SEEDS, p=chance)]]
     share = min(1.0, CHOICE_POINTS / len(occupancy))
     thin = occupancy.select(slice(None, None, max(1, round(1 / share))), share)
-    shapes = choose(given, inscribe(solid, seeds), thin, count - len(given))
+    shapes = choose(no_shapes(), inscribe(solid, seeds), thin, count)
     return descend_together(shapes, occupancy, 15)
 
 
@@ -184,8 +178,8 @@ def other_kinds(shapes: Shapes, which: int) -> list[Shapes]:
     return found + [_with_moments(k, *place, 1) for k in (Kind.BOX, Kind.SPHERE) if k != kind]
 
 
-def swap_kinds(shapes: Shapes, occupancy: Occupancy, kept: int) -> Shapes:
-    """The set with each shape, but the first `kept`, of the kind that serves best beside the others."""
+def swap_kinds(shapes: Shapes, occupancy: Occupancy) -> Shapes:
+    """The set with each shape of the kind that serves best beside the others."""
     table = distance_table(shapes, occupancy)
     nearest = table.argmin(axis=0)
     first, second = (
@@ -194,47 +188,43 @@ def swap_kinds(shapes: Shapes, occupancy: Occupancy, kept: int) -> Shapes:
     trials: list[Shapes] = []
     owner: list[int] = []
     rests: list[Float64] = []
-    for i in range(kept, len(shapes)):
+    for i in range(len(shapes)):
         rest = np.where(nearest == i, second, first)
         trials += [shapes.select(np.array([i])), *other_kinds(shapes, i)]
         owner += [i] * (len(trials) - len(owner))
         rests += [rest] * (len(trials) - len(rests))
     fitted, gains = descend_alone(join(trials), rests, occupancy, 10)
-    chosen = [shapes.select(slice(0, kept))]
-    for i in range(kept, len(shapes)):
+    chosen: list[Shapes] = []
+    for i in range(len(shapes)):
         own = np.flatnonzero(np.array(owner) == i)
         chosen.append(fitted.select(own[[int(gains[own].argmax())]]))
     return join(chosen)
 
 
-def shrink(shapes: Shapes, occupancy: Occupancy, limit: int, kept: int) -> Shapes:
+def shrink(shapes: Shapes, occupancy: Occupancy, limit: int) -> Shapes:
     """The set without its least useful shapes, all others descending after each few."""
     while len(shapes) > limit:
         target = max(limit, min(len(shapes) - 1, int(SHRINK * len(shapes))))
         while len(shapes) > target:
             worth = worths(shapes, occupancy)
-            worth[:kept] = np.inf
             drop = max(1, (len(shapes) - target) // 3)
             shapes = shapes.select(np.sort(np.argsort(worth, kind="stable")[drop:]))
         shapes = descend_together(shapes, occupancy, 6)
     return shapes
 
 
-def _move(
-    solid: Solid, shapes: Shapes, occupancy: Occupancy, limit: int, kept: int, rng: np.random.Generator
-) -> Shapes:
+def _move(solid: Solid, shapes: Shapes, occupancy: Occupancy, limit: int, rng: np.random.Generator) -> Shapes:
     """Rounds in which the least useful shapes move to where most is missing, where that pays."""
     lowest = difference(shapes, occupancy)
     count = max(1, int(MOVED * len(shapes)))
     failed = 0
     for round in range(ROUNDS):
         worth = worths(shapes, occupancy)
-        worth[:kept] = np.inf
-        rest = shapes.select(np.sort(np.argsort(worth, kind="stable")[min(count, len(shapes) - kept) :]))
+        rest = shapes.select(np.sort(np.argsort(worth, kind="stable")[count:]))
         trial = add_missing(solid, rest, occupancy, limit - len(rest), rng)
         trial = descend_together(trial, occupancy, 12)
         if round == SWAP_ROUND:
-            trial = descend_together(swap_kinds(trial, occupancy, kept), occupancy, 12)
+            trial = descend_together(swap_kinds(trial, occupancy), occupancy, 12)
         reached = difference(trial, occupancy)
         if reached < lowest:
             shapes, lowest, failed = trial, reached, 0

@@ -1,4 +1,4 @@
-"""Meshes mended by MeshLab: cleaned, thinned out, and closed where nothing else closes them.
+"""Meshes mended by MeshLab: closed where nothing else closes them.
 
 pymeshlab is the extra `repair`, for it is GPL-3. It is loaded by the first call and not before: it brings a
 user interface's libraries along. Its thresholds are lengths, so every mesh is centred and scaled to a
@@ -34,31 +34,6 @@ MOST_HOLE_EDGES = 1000
 
 class NoMeshLab(ImportError):
     """pymeshlab, or a library of the system that it needs, is missing; the message says how to get it."""
-
-
-def clean(vertices: Float64) -> Float64:
-    """Triangles (t, 3, 3) without seams, duplicates and those of no area.
-
-    Raises:
-        NoMeshLab: pymeshlab can't be loaded.
-    """
-    return _processed(vertices, _tidy)
-
-
-def decimate(vertices: Float64, count: int) -> Float64:
-    """Triangles (t, 3, 3) as about `count` ones, by quadric edge collapse (Garland and Heckbert 1997).
-
-    Raises:
-        NoMeshLab: pymeshlab can't be loaded.
-    """
-
-    def collapse(meshes: Any) -> None:
-        _tidy(meshes)
-        meshes.meshing_decimation_quadric_edge_collapse(
-            targetfacenum=count, preservenormal=True, planarquadric=True, autoclean=True
-        )
-
-    return _processed(vertices, collapse)
 
 
 def close_holes(vertices: Float64) -> Float64:

@@ -65,22 +65,6 @@ class NotClosed(ValueError):
     """The mesh bounds no solid; the message says why."""
 
 
-def mesh_volume(surface: Surface) -> tuple[float | None, str]:
-    """Volume in m3 of the solid that a closed surface bounds, overlaps counted once; else None and why."""
-    try:
-        solid = mesh_solid(surface, surface.center, surface.diagonal)
-    except NotClosed as why:
-        return None, str(why)
-    return solid.volume() * surface.diagonal**3, ""
-
-
-def union_volume(primitives: PrimitiveSet, bounds: tuple[Float64, Float64] | None = None) -> float:
-    """Volume in m3 of the union of the set; half-spaces need `bounds`, in which alone they count."""
-    lower, upper = primitives.bounds() if bounds is None else bounds
-    center, scale = (lower + upper) / 2, float(np.linalg.norm(upper - lower)) or 1.0
-    return primitive_solid(primitives, center, scale, bounds).volume() * scale**3
-
-
 def compare_volumes(primitives: PrimitiveSet, surface: Surface, air: Air | None = None) -> Volumes:
     """The set's union against the solid that the surface bounds. Insides that are air are no solid.
 

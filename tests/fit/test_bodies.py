@@ -140,15 +140,6 @@ def test_more_solids_fill_a_round_body_better_and_the_same_each_time() -> None:
     np.testing.assert_array_equal(again.centers, few.centers)
 
 
-def test_given_shapes_stay_first_and_unchanged(bent: tuple[Solid, Air]) -> None:
-    solid, air = bent
-    given = make_shapes(Kind.SPHERE, np.array([[-0.9, -0.3, 0]]), np.eye(3), np.full(3, 0.45), exact=True)
-    shapes = fit_body(solid, air, 4, given=given)
-    np.testing.assert_array_equal(shapes.centers[0], given.centers[0])
-    np.testing.assert_array_equal(shapes.halves[0], given.halves[0])
-    assert len(shapes) <= 4
-
-
 def test_thin_walls_narrow_the_band() -> None:
     thick, air = body_of(block((1, 1, 1)))
     thin, thin_air = body_of(block((1, 1, 0.01)))

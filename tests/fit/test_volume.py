@@ -15,7 +15,7 @@ from fit.primitives import (
 )
 from fit.sdf import union_distance
 from fit.surface import from_scene, from_triangles
-from fit.volume import compare_volumes, mesh_volume, union_volume
+from fit.volume import NotClosed, compare_volumes, mesh_solid, primitive_solid
 
 TABLE = [((2, 0.1, 1), (0, 0.75, 0))] + [
     ((0.1, 0.7, 0.1), (x, 0.35, z)) for x in (-0.9, 0.9) for z in (-0.4, 0.4)
@@ -28,6 +28,21 @@ def box(size, center=(0, 0, 0)):
 
 def surface_of(*parts):
     return from_triangles(np.concatenate(parts))
+
+
+def mesh_volume(surface):
+    """Of the solid that a surface bounds; else None, and why."""
+    try:
+        return mesh_solid(surface, surface.center, surface.diagonal).volume() * surface.diagonal**3, ""
+    except NotClosed as why:
+        return None, str(why)
+
+
+def union_volume(primitives, bounds=None):
+    """Of the union of a set; half-spaces count within the bounds."""
+    lower, upper = primitives.bounds() if bounds is None else bounds
+    scale = float(np.linalg.norm(upper - lower))
+    return primitive_solid(primitives, (lower + upper) / 2, scale, bounds).volume() * scale**3
 
 
 @pytest.mark.parametrize(
