@@ -162,7 +162,8 @@ def test_a_missing_wall_leaks_its_share_of_the_light():
     assert metrics.blocked == 0
     assert metrics.surface_to_set_max_m > 1
     assert metrics.covered_half_pct == pytest.approx(5 / 6, abs=0.02)
-    assert metrics.largest_hole_m == pytest.approx(3 * np.sqrt(2), rel=0.05)
+    # The wall's diagonal, less what a few hundred random hits leave free in its corners.
+    assert 0.9 * 3 * np.sqrt(2) < metrics.largest_hole_m < 3 * np.sqrt(2) + 1e-6
 
 
 def test_what_floats_in_a_room_blocks():
