@@ -56,10 +56,6 @@ class Regions:
     standing: Shapes
 
 
-JUDGED_BY = 3
-"""One target of so many judges which candidates are worth offering."""
-
-
 def find_regions(air: Air, targets: Targets, *, seed: int = 0) -> Regions:
     """Facets of the surface, and merges of them that a plane or round shape explains, up to whole walls."""
     rows = np.flatnonzero(targets.is_surface)
@@ -117,8 +113,7 @@ def propose_slabs(regions: Regions, targets: Targets, distances: Float64) -> Sha
 
 def _most_useful(candidates: Shapes, targets: Targets, current: Float64, cell: float, most: int) -> Shapes:
     """Those that lower the error most, without near doubles and those that reach into the air."""
-    every = slice(None, None, JUDGED_BY)
-    gains, losses = _gains(candidates, targets.select(every), current[every])
+    gains, losses = _gains(candidates, targets, current)
     order = np.argsort(-gains, kind="stable")
     order = order[losses[order] < MOST_TOO_NEAR * gains[order]]
     corners = np.abs(candidates.frames * candidates.halves[:, None, :])
