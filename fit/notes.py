@@ -20,15 +20,13 @@ def notes_on_result(
     primitives: PrimitiveSet, metrics: Metrics, settings: FitSettings, surface_p95: float
 ) -> tuple[str, ...]:
     """Notes on a set in the world; surface_p95: metres within which 95 % of the seen surface lie."""
-    if len(primitives) == 0:
-        return ("no primitive: no surface is seen from the air",)
-    notes = []
+    notes = [] if len(primitives) else ["no primitive stands for what is seen from the air"]
     if settings.max_error is not None and surface_p95 > settings.max_error:
         notes.append(
             f"max_error {settings.max_error:g} m not reached: {surface_p95:.3g} m, "
             f"{len(primitives)} primitives"
         )
-    if metrics.leaks > MANY_LEAK:
+    if len(primitives) and metrics.leaks > MANY_LEAK:
         notes.append(
             f"{metrics.leaks:.0%} of the rays pass the set where the surface stops them: "
             "more primitives (max_primitives, preset fine) or max_leaks close it"
@@ -40,7 +38,7 @@ def _filled_seeds(primitives: PrimitiveSet, settings: FitSettings) -> Iterable[s
     """Seeds of the air that the set has filled all the same."""
     for given in settings.air:
         seed = parse_seed(given) if isinstance(given, str) else given
-        if isinstance(seed, str):
+        if isinstance(seed, str) or len(primitives) == 0:
             continue
         distance, index = union_distance(primitives, np.array([seed], np.float64))
         if distance[0] < 0:

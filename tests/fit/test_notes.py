@@ -37,4 +37,4 @@ def test_a_point_given_as_air_that_the_set_fills_is_told(good: Metrics) -> None:
 
 
 def test_an_empty_set_says_so(good: Metrics) -> None:
-    assert "no surface is seen" in notes_on_result(PrimitiveSet.empty(), good, DEFAULT, 0.0)[0]
+    assert "no primitive stands" in notes_on_result(PrimitiveSet.empty(), good, DEFAULT, 0.0)[0]

@@ -248,11 +248,11 @@ def test_caps_hold(settings: dict[str, int], count: int) -> None:
 def test_max_error_ends_the_growth(blobs: dict[int, Fit]) -> None:
     scene = scene_of([Item(blob())])
     loose = fit(scene, replace(QUICK, max_error=0.25))
-    assert loose.notes == ()
+    assert not any("not reached" in note for note in loose.notes)
     assert loose.metrics.surface_to_set_p95_m < 0.26
     assert len(loose.primitives) < len(blobs[24].primitives)
     impossible = fit(scene, replace(QUICK, max_error=1e-9, max_primitives=1, steps=("growing",)))
-    assert "not reached" in impossible.notes[0]
+    assert any("not reached" in note for note in impossible.notes)
 
 
 @pytest.mark.parametrize(
