@@ -6,6 +6,8 @@ The leaves lie along a Morton curve; a k-d tree over a few of them gives the fir
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -172,13 +174,19 @@ def morton_order(points: Float64) -> Int64:
     """Order (p,) of points (p, 3) along a Z-shaped curve: its neighbours are near in space (Morton 1966)."""
     lower, upper = column_extremes(points)
     scale = ((1 << 21) - 1) / max(float((upper - lower).max()), _TINY)
-    code = np.zeros(len(points), np.uint64)
-    for axis in range(3):
-        bits = ((points[:, axis] - lower[axis]) * scale).astype(np.uint64)
+    columns = (((points[:, axis] - lower[axis]) * scale).astype(np.uint64) for axis in range(3))
+    return np.argsort(morton_code(columns), kind="stable")
+
+
+def morton_code(columns: Iterable[NDArray[np.integer]]) -> NDArray[np.uint64]:
+    """Place (p,) along the curve of cells given by their three columns (p,), of at most 21 bits each."""
+    code = np.zeros(1, np.uint64)
+    for axis, column in enumerate(columns):
+        bits = column.astype(np.uint64)
         for shift, mask in _SPREAD:
             bits = (bits | bits << np.uint64(shift)) & np.uint64(mask)
-        code |= bits << np.uint64(axis)
-    return np.argsort(code, kind="stable")
+        code = code | bits << np.uint64(axis)
+    return code
 
 
 _SPREAD = (

@@ -7,10 +7,10 @@ from itertools import permutations
 import numpy as np
 
 from fit.primitives import Kind
+from fit.sample import random_directions
 from fit.scene import Float64
 from fit.shapes import Shapes, join, make_shapes, no_shapes
 from fit.solid import Solid
-from fit.targets import random_directions
 
 DIRECTIONS = 32
 """Rays from each point that find the faces around it."""

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist
 
 from fit.primitives import Kind, PrimitiveSet
-from fit.sample import sample_surface
+from fit.sample import random_directions, sample_surface
 from fit.scene import Float64
 from fit.sdf import gradient, sample_boundary, union_distance
 from fit.spaces import Air
@@ -118,8 +118,7 @@ def place_probes(surface: Surface, air: Air, seed: int = 0) -> Probes:
     samples = sample_surface(surface, SURFACE_SAMPLES, seed)
     touched = air.touches(samples.points, samples.normals) != 0
     points, distance = air.random_points_and_distances(AIR_POINTS, seed)
-    directions = np.random.default_rng((seed, 1)).normal(size=points.shape)
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    directions = random_directions(len(points), (seed, 1))
     return Probes(
         surface=samples.points[touched],
         air=points,

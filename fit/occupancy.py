@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from fit.bvh import morton_code
 from fit.scene import Float64
 from fit.shapes import Shapes, distances_to_one
 from fit.solid import Solid
@@ -139,11 +140,7 @@ def along_a_curve(points: Float64) -> NDArray[np.int64]:
     lower, upper = points.min(axis=0), points.max(axis=0)
     size = max(float((upper - lower).max()), np.finfo(float).tiny)
     steps = np.minimum((points - lower) / size * 64, 63).astype(np.int64)
-    code = np.zeros(len(points), np.int64)
-    for bit in range(6):
-        for axis in range(3):
-            code |= (steps[:, axis] >> bit & 1) << (3 * bit + axis)
-    return np.argsort(code, kind="stable")
+    return np.argsort(morton_code(steps.T), kind="stable")
 
 
 def distance_table(shapes: Shapes, occupancy: Occupancy, bands: float = 1.0) -> Float64:

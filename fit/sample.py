@@ -42,3 +42,9 @@ def sample_surface(surface: Surface, count: int, seed: int) -> Samples:
     )
     points = np.einsum("pc,pck->pk", barycentric, surface.vertices[triangle])
     return Samples(points, surface.normals[triangle], triangle, barycentric)
+
+
+def random_directions(count: int, seed: int | tuple[int, ...]) -> Float64:
+    """Unit vectors (count, 3), uniform."""
+    directions = np.random.default_rng(seed).normal(size=(count, 3))
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)

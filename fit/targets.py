@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from fit.bvh import morton_code
 from fit.objective import Targets, join_targets
-from fit.sample import Samples, sample_surface
+from fit.sample import Samples, random_directions, sample_surface
 from fit.scene import Float64
 from fit.spaces import Air
 from fit.surface import Surface
@@ -92,8 +93,7 @@ def _by_area(surface: Surface, air: Air, count: int, seed: int) -> tuple[Samples
 def _by_rays(air: Air, count: int, seed: int) -> tuple[Samples, Float64, Float64]:
     surface = air.walls
     origins = np.repeat(air.random_points(2 * count, seed), RAYS_PER_POINT, axis=0)
-    directions = np.random.default_rng(seed + 1).normal(size=(len(origins), 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    directions = random_directions(len(origins), seed + 1)
     distance, triangle = air.rays.first_hit(origins, directions)
     hit = np.flatnonzero(triangle >= 0)
     projected = np.bincount(triangle[hit], minlength=len(surface)) / max(len(hit), 1)
@@ -174,12 +174,6 @@ def _ray_targets(air: Air, seed: int) -> tuple[Targets, Targets]:
     return behind, _rows(air, origins[before], weights, ways=ways, passing=True)
 
 
-def random_directions(count: int, seed: int) -> Float64:
-    """Unit vectors (count, 3), uniform."""
-    directions = np.random.default_rng(seed).normal(size=(count, 3))
-    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
-
-
 def along_a_curve(targets: Targets) -> Targets:
     """The same targets, neighbours in space side by side: runs of rows are compact, strides spread evenly.
 
@@ -187,11 +181,7 @@ def along_a_curve(targets: Targets) -> Targets:
     """
     lower = targets.points.min(axis=0, initial=np.inf)
     cells = ((targets.points - lower) / (_RUN_REACH * targets.reach)).astype(np.int64)
-    code = targets.passing.astype(np.int64) << 60
-    for bit in range(20):
-        for axis in range(3):
-            code |= (cells[:, axis] >> bit & 1) << (3 * bit + axis)
-    return targets.select(np.argsort(code, kind="stable"))
+    return targets.select(np.lexsort([morton_code(cells.T), targets.passing]))
 
 
 def _air_points(air: Air, count: int, seed: int) -> tuple[Float64, Float64]:
