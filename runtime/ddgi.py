@@ -18,15 +18,12 @@ import numpy as np
 from runtime.device import Gpu
 from runtime.encoder import Recorder
 from runtime.kernel import Kernel
-from runtime.probes import IRRADIANCE_SIZE, ProbeGrid, ProbeGridInfo, workgroups
+from runtime.probes import IRRADIANCE_SIZE, RAYS_AT_ONCE, ProbeGrid, ProbeGridInfo, check_rays, workgroups
 from runtime.resources import Buffer, Sampler, Texture
 from runtime.structs import GpuStruct, f32, u32, vec4f
 from runtime.technique import FrameLight
 from runtime.twins.random import random_rotation
 from runtime.world import World
-
-RAYS_AT_ONCE = 64
-"""Rays of a workgroup."""
 
 DISTANCE_SIZE = 16
 """Texels of a probe's map of distances along a side."""
@@ -110,10 +107,7 @@ class DdgiSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.rays_per_probe < RAYS_AT_ONCE or self.rays_per_probe % RAYS_AT_ONCE:
-            raise ValueError(
-                f"rays_per_probe is {self.rays_per_probe}; it must be a multiple of {RAYS_AT_ONCE}"
-            )
+        check_rays(self.rays_per_probe)
         for name in ("bounce", "hysteresis"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be between 0 and 1")

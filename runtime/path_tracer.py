@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fit.scene import Float64, Scene
+from fit.scene import Scene
 from runtime.device import Gpu
 from runtime.direct import LightMaps
 from runtime.encoder import Recorder
+from runtime.estimate import Estimate
 from runtime.kernel import Kernel
 from runtime.lights import Illumination
 from runtime.resources import Buffer
@@ -37,24 +37,6 @@ class PathSettings(GpuStruct):
     first_sample: u32
     seed: u32
     margin: f32
-
-
-@dataclass(frozen=True)
-class Gathered:
-    """Means (n, 3) over `samples` paths a point, their two independent halves, and standard errors (n,) of
-    the mean of the three channels."""
-
-    irradiance: Float64
-    first: Float64
-    second: Float64
-    standard_error: Float64
-    samples: int
-
-    @property
-    def noise(self) -> float:
-        """Mean absolute noise as a share of the mean: half of what the halves differ by."""
-        level = float(self.irradiance.mean()) if len(self.irradiance) else 0.0
-        return float(np.abs(self.first - self.second).mean() / 2 / level) if level > 0 else 0.0
 
 
 class PathTracer:
@@ -83,15 +65,14 @@ class PathTracer:
         target: float | None = None,
         seed: int = 0,
         progress: Callable[[float], None] | None = None,
-    ) -> Gathered:
+    ) -> Estimate:
         """Indirect E, W/m2, at world points (n, 3) with unit normals (n, 3): sky, emission and all bounces.
 
         target: mean absolute noise, a share of the mean, at which to end before `samples`.
         """
         rows = np.zeros((len(np.asarray(points)), 2, 4), np.float32)
         if len(rows) == 0:
-            empty = np.zeros((0, 3))
-            return Gathered(empty, empty, empty, np.zeros(0), 0)
+            return Estimate.of_nothing()
         rows[:, 0, :3] = np.asarray(points, np.float64) - self.origin
         rows[:, 1, :3] = normals
         buffer = Buffer(self.gpu, rows, label="points")
@@ -135,10 +116,10 @@ class PathTracer:
         rec.submit()
 
 
-def _summary(halves: list[Buffer], count: int, samples: int) -> Gathered:
+def _summary(halves: list[Buffer], count: int, samples: int) -> Estimate:
     first, second = (half.read(np.float32, (count, 4)).astype(np.float64) for half in halves)
     mean = (first + second)[:, :3] / samples
     spread = np.maximum((first + second)[:, 3] / samples - mean.mean(axis=1) ** 2, 0)
     half = samples / 2
     error: NDArray[np.float64] = np.sqrt(spread / samples)
-    return Gathered(mean, first[:, :3] / half, second[:, :3] / half, error, samples)
+    return Estimate(mean, first[:, :3] / half, second[:, :3] / half, error, samples)

@@ -28,6 +28,10 @@ OFF = -1.0
 """Irradiance scale of a probe that is switched off."""
 
 
+RAYS_AT_ONCE = 64
+"""Rays of a workgroup: one for each texel of an irradiance map."""
+
+
 class ProbeGridInfo(GpuStruct):
     lower: vec3f
     spacing: f32
@@ -103,6 +107,12 @@ class ProbeGrid:
             step *= 1.02
         start = (lower + upper) / 2 - step * (counts - 1) / 2
         return ProbeGrid((float(start[0]), float(start[1]), float(start[2])), step, _triple(counts))
+
+
+def check_rays(rays_per_probe: int) -> None:
+    """Raises ValueError for a number of rays that workgroups do not share evenly."""
+    if rays_per_probe < RAYS_AT_ONCE or rays_per_probe % RAYS_AT_ONCE:
+        raise ValueError(f"rays_per_probe is {rays_per_probe}; it must be a multiple of {RAYS_AT_ONCE}")
 
 
 def workgroups(count: int) -> tuple[int, int]:

@@ -17,14 +17,11 @@ import numpy as np
 from runtime.device import Gpu
 from runtime.encoder import Recorder
 from runtime.kernel import Kernel
-from runtime.probes import IrradianceProbes, ProbeGrid, workgroups
+from runtime.probes import RAYS_AT_ONCE, IrradianceProbes, ProbeGrid, check_rays, workgroups
 from runtime.resources import Buffer, Texture
 from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u
 from runtime.technique import FrameLight
 from runtime.world import World
-
-RAYS_AT_ONCE = 64
-"""Rays of a workgroup: one for each texel's thread."""
 
 RAYS_ON_SOFTWARE = 4096
 """Rays of a probe in one frame that Mesa's llvmpipe can follow. It leaves all loops of an invocation in
@@ -105,10 +102,7 @@ class SdfddgiSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.rays_per_probe < RAYS_AT_ONCE or self.rays_per_probe % RAYS_AT_ONCE:
-            raise ValueError(
-                f"rays_per_probe is {self.rays_per_probe}; it must be a multiple of {RAYS_AT_ONCE}"
-            )
+        check_rays(self.rays_per_probe)
         if not 0 <= self.bounce <= 1:
             raise ValueError(f"bounce is {self.bounce}; it must be between 0 and 1")
         if min(self.history_frames, self.settling_history) < 1 or self.fresh_factor < 1:

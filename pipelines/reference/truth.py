@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fit.scene import Camera, Float64
 from pipelines.reference.points import make_sensor
+from runtime.estimate import Estimate
 
 Float32 = NDArray[np.float32]
 
@@ -27,26 +28,6 @@ LAMP_SAMPLES = 64
 """Samples a pixel of the direct light: lamps have no size, so that only the pixel's area is averaged."""
 
 Progress = Callable[[float], None]
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A mean over passes, and the means of its two independent halves; all of one shape (..., 3) float64.
-
-    standard_error (...,): of the mean of the three channels, from the spread of the passes.
-    """
-
-    value: Float64
-    first: Float64
-    second: Float64
-    standard_error: Float64
-    samples: int
-
-    @property
-    def noise(self) -> float:
-        """Mean absolute noise as a share of the mean value: half of what the halves differ by."""
-        level = float(self.value.mean())
-        return float(np.abs(self.first - self.second).mean() / 2 / level) if level > 0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -126,8 +107,7 @@ class Reference:
         unit = np.asarray(normals, np.float64)
         starts = np.asarray(points, np.float64) - self.origin + START * self.diagonal * unit
         if len(starts) == 0:
-            empty = np.zeros((0, 3))
-            return Estimate(empty, empty, empty, np.zeros(0), 0)
+            return Estimate.of_nothing()
         sensor, _ = make_sensor(self._mi, starts, unit)
         estimate = self._estimate(sensor, samples, target, seed, progress)
         rows = slice(0, len(starts))

@@ -48,12 +48,12 @@ def test_closed_box_of_glowing_walls(gpu, make_room, inner_surface, mesh_of_boxe
     expected = np.pi * 2 / (1 - 0.8)
     error = np.sqrt((found.standard_error**2).sum()) / len(found.standard_error)
     assert error < 0.015 * expected
-    assert abs(found.irradiance.mean() - expected) < 3.5 * error
+    assert abs(found.value.mean() - expected) < 3.5 * error
 
 
 def test_sealed_room_is_black(gpu, make_room, inner_surface, mesh_of_boxes):
     tracer = PathTracer(gpu, mesh_of_boxes(make_room(0.01)), OUTDOORS)
-    assert np.all(tracer.irradiance(*inner_surface(500), samples=16).irradiance == 0)
+    assert np.all(tracer.irradiance(*inner_surface(500), samples=16).value == 0)
 
 
 def test_far_from_the_origin_nothing_changes(gpu, make_room, inner_surface, mesh_of_boxes):
@@ -64,7 +64,7 @@ def test_far_from_the_origin_nothing_changes(gpu, make_room, inner_surface, mesh
     matrix[:3, 3] = offset
     far = PathTracer(gpu, mesh_of_boxes(room.transformed(matrix)), OUTDOORS)
     moved = far.irradiance(points + offset, normals, samples=16)
-    assert moved.irradiance.mean() == pytest.approx(near.irradiance.mean(), rel=0.02)
+    assert moved.value.mean() == pytest.approx(near.value.mean(), rel=0.02)
 
 
 def test_noise_is_told_rightly_and_a_target_ends_early(gpu, make_room, inner_surface, mesh_of_boxes):
@@ -158,7 +158,7 @@ def test_agrees_with_mitsuba_within_noise(gpu, bundled_assets, mesh_of_boxes, ma
     ours = PathTracer(gpu, scene, light).irradiance(points, normals, samples=128)
     theirs = mesh_reference(scene, light).irradiance(points, normals, samples=256)
     error = np.hypot(ours.standard_error, theirs.standard_error)
-    difference = (ours.irradiance - theirs.value).mean(axis=1)
+    difference = (ours.value - theirs.value).mean(axis=1)
     # In strips: rays that meet a small lamp are too rare for the error of one point to be normal.
     groups = np.array_split(np.argsort(points[:, 0], kind="stable"), 12)
     z = [difference[rows].sum() / np.sqrt((error[rows] ** 2).sum()) for rows in groups]
