@@ -19,7 +19,7 @@ from pipelines.convert import (
     make_folder,
     require_file,
 )
-from pipelines.difference import PIXELS_PER_DEGREE, flip, relative_error
+from pipelines.difference import PIXELS_PER_DEGREE, flip, relative_error, twice
 from pipelines.documents import report_header, to_json_value, write_json, write_text
 from pipelines.errors import UsageError
 from pipelines.report.page import build_page
@@ -147,7 +147,8 @@ def _compare_pictures(shots: dict[str, Result]) -> tuple[dict[str, UInt8], dict[
     differences = {}
     for name in ("coarse", NO_GI):
         mean, pictures[f"{name}-flip"] = flip(reference.display(), shots[name].display())
-        error = relative_error(reference.images["final"], shots[name].images["final"], shown)
+        pixels = (shots[name].images["final"][shown], reference.images["final"][shown])
+        error = relative_error(twice(pixels[0]), twice(pixels[1]))
         differences[name] = {"flip": mean, "flip_pixels_per_degree": PIXELS_PER_DEGREE} | asdict(error)
     return pictures, differences
 

@@ -1,29 +1,31 @@
-"""How different two pictures are: FLIP for eyes, relMSE for light."""
+"""How different two pictures are: FLIP and PSNR for eyes, relMSE for light."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-Float32 = NDArray[np.float32]
 UInt8 = NDArray[np.uint8]
+Halves = tuple[ArrayLike, ArrayLike]
+"""Two independent measurements of one thing, (..., 3) each; the same array twice where it has no noise."""
 
 PIXELS_PER_DEGREE = 67.0
 """FLIP's distance of the viewer."""
 
 RELATIVE_FLOOR = 0.01
-"""Share of the reference's mean that keeps dark pixels from deciding relMSE alone."""
+"""Share of the reference's mean that keeps dark places from deciding relMSE alone."""
 
 
 @dataclass(frozen=True)
 class RelativeError:
-    """Mean squared error over the squared reference, with the sums it is made of."""
+    """relMSE, the means of its numerator and denominator, and its standard error over the points."""
 
     rel_mse: float
     numerator: float
     denominator: float
+    standard_error: float
 
 
 def flip(reference: UInt8, picture: UInt8) -> tuple[float, UInt8]:
@@ -37,17 +39,46 @@ def flip(reference: UInt8, picture: UInt8) -> tuple[float, UInt8]:
     return float(mean), np.floor(np.clip(colors, 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
-def relative_error(reference: Float32, picture: Float32, shown: NDArray[np.bool_]) -> RelativeError:
-    """relMSE of linear pictures (h, w, 3) over the pixels `shown` (h, w), where there is geometry.
+def psnr(reference: UInt8, picture: UInt8, shown: NDArray[np.bool_]) -> float:
+    """Peak signal-to-noise ratio, dB, of sRGB pictures (h, w, 3) over the pixels `shown` (h, w); infinite for
+    equal ones."""
+    difference = reference[shown].astype(np.float64) - picture[shown]
+    mean = float(np.mean(difference**2)) if difference.size else 0.0
+    return float(10 * np.log10(255.0**2 / mean)) if mean > 0 else float("inf")
 
-    Mean of (x - a)^2 / (a^2 + eps), eps = (0.01 of the reference's mean)^2; infinite where the reference
-    is black and the picture is not.
+
+def twice(values: ArrayLike) -> Halves:
+    """The halves of something without noise."""
+    return values, values
+
+
+def relative_error(found: Halves, reference: Halves) -> RelativeError:
+    """relMSE of linear light: the mean of (x - a)(x' - b) / (a b + eps).
+
+    a and b are independent halves of the reference, x and x' of what is judged, so that no noise of either
+    adds to the numerator; eps = (0.01 of the reference's mean)^2. Where the reference is so noisy that its
+    inverse is too, the ratio of the means of numerator and denominator tells more. Infinite where the reference is black and what
+    is judged is not.
     """
-    a, x = (np.asarray(pixels, np.float64)[shown] for pixels in (reference, picture))
-    if a.size == 0 or not a.any():
-        return RelativeError(0.0 if np.array_equal(a, x) else float("inf"), 0.0, 0.0)
-    floor = (RELATIVE_FLOOR * a.mean()) ** 2
-    squared = (x - a) ** 2
+    a, b = (np.asarray(half, np.float64) for half in reference)
+    x, y = (np.asarray(half, np.float64) for half in found)
+    return relative_square((x - a, y - b), (a, b))
+
+
+def relative_square(differences: Halves, reference: Halves) -> RelativeError:
+    """The same of given differences from the reference."""
+    (d, e), (a, b) = (
+        tuple(np.asarray(half, np.float64) for half in halves) for halves in (differences, reference)
+    )
+    square = d * e
+    level = float(a.mean() + b.mean()) / 2 if a.size else 0.0
+    if level == 0:
+        return RelativeError(float("inf") if square.any() else 0.0, float(square.sum()), 0.0, 0.0)
+    denominator = a * b + (RELATIVE_FLOOR * level) ** 2
+    each = (square / denominator).reshape(-1, 3).mean(axis=1)
     return RelativeError(
-        float(np.mean(squared / (a * a + floor))), float(squared.mean()), float(np.mean(a * a) + floor)
+        float(each.mean()),
+        float(square.mean()),
+        float(denominator.mean()),
+        float(each.std() / np.sqrt(len(each))),
     )

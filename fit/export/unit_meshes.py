@@ -51,32 +51,32 @@ def unit_quad() -> UnitMesh:
     return _joined("quad", [_NOTHING, _NOTHING, square, _NOTHING, _NOTHING, _NOTHING])
 
 
-def unit_sphere() -> UnitMesh:
+def unit_sphere(segments: int = SPHERE_SEGMENTS, rings: int = SPHERE_RINGS) -> UnitMesh:
     """Diameter 1, by latitude and longitude; vertices at the poles and on every axis. All is face +x."""
-    polar = np.linspace(0, np.pi, SPHERE_RINGS + 1)[:, None]
-    around = np.linspace(0, 2 * np.pi, SPHERE_SEGMENTS + 1)[None, :]
+    polar = np.linspace(0, np.pi, rings + 1)[:, None]
+    around = np.linspace(0, 2 * np.pi, segments + 1)[None, :]
     sin, cos = np.sin(polar), np.cos(polar)
     grid = np.stack(np.broadcast_arrays(sin * np.cos(around), cos, -sin * np.sin(around)), axis=-1)
     normals = _without_dust(grid.reshape(-1, 3))
     triangles = []
-    row = SPHERE_SEGMENTS + 1
-    for ring in range(SPHERE_RINGS):
-        for segment in range(SPHERE_SEGMENTS):
+    row = segments + 1
+    for ring in range(rings):
+        for segment in range(segments):
             a = ring * row + segment
             if ring > 0:
                 triangles.append((a, a + row, a + 1))
-            if ring < SPHERE_RINGS - 1:
+            if ring < rings - 1:
                 triangles.append((a + 1, a + row, a + row + 1))
     return _joined("sphere", [(normals / 2, normals, triangles)] + [_NOTHING] * 5)
 
 
-def unit_cylinder() -> UnitMesh:
+def unit_cylinder(segments: int = CYLINDER_SEGMENTS) -> UnitMesh:
     """Diameter and height 1 along Y. The side is face +x, the caps are +y and -y."""
-    angle = np.linspace(0, 2 * np.pi, CYLINDER_SEGMENTS + 1)
+    angle = np.linspace(0, 2 * np.pi, segments + 1)
     ring = _without_dust(np.stack([np.cos(angle), np.zeros_like(angle), -np.sin(angle)], axis=-1))
     up = np.array([0, 0.5, 0])
     low, high = ring / 2 - up, ring / 2 + up
-    count = CYLINDER_SEGMENTS
+    count = segments
     side = [t for i in range(count) for t in ((i, i + 1, i + count + 2), (i, i + count + 2, i + count + 1))]
     fan = [(0, i, i + 1) for i in range(1, count - 1)]
     flipped = [(a, c, b) for a, b, c in fan]

@@ -12,13 +12,10 @@ from fit.scene import Scene
 from pipelines.reference.lighting import emitters
 from pipelines.reference.meshes import mesh_shapes
 from pipelines.reference.mitsuba import load_mitsuba
-from pipelines.reference.solids import primitive_shapes
+from pipelines.reference.solids import primitive_bounds, primitive_shapes
 from pipelines.reference.surfaces import Surfaces
 from pipelines.reference.truth import Reference
 from runtime.lights import Illumination
-
-_HALF_SPACE_REACH = 1e3
-"""Of the diagonal of the finite primitives."""
 
 
 def mesh_reference(scene: Scene, illumination: Illumination) -> Reference:
@@ -49,9 +46,8 @@ def primitive_reference(primitives: PrimitiveSet, illumination: Illumination) ->
     if len(primitives) == 0:
         raise ValueError("a set of no primitives has nothing to light")
     mi = load_mitsuba()
-    finite = primitives.select(np.flatnonzero(~primitives.is_half_space))
-    lower, upper = finite.bounds() if len(finite) else (np.full(3, -1.0), np.full(3, 1.0))
+    lower, upper = primitive_bounds(primitives)
     origin, diagonal = (lower + upper) / 2, float(np.linalg.norm(upper - lower))
     lights, notes = emitters(mi, illumination, origin)
-    shapes = primitive_shapes(mi, primitives, origin, _HALF_SPACE_REACH * diagonal)
+    shapes = primitive_shapes(mi, primitives, origin)
     return Reference(mi, shapes, lights, origin, diagonal, notes)

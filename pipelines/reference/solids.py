@@ -16,9 +16,22 @@ _SIDE, _TOP, _BOTTOM = 0, 2, 3
 """Colours that a cylinder's side and ends take."""
 
 
-def primitive_shapes(mi: Any, primitives: PrimitiveSet, origin: Float64, reach: float) -> dict[str, Any]:
-    """Shapes of all primitives; half-spaces are squares that reach `reach` metres."""
+_HALF_SPACE_REACH = 1e3
+"""Of the diagonal of the finite primitives."""
+
+
+def primitive_bounds(primitives: PrimitiveSet) -> tuple[Float64, Float64]:
+    """Of the finite primitives; two metres about 0 where there are none."""
+    if primitives.is_half_space.all():
+        return np.full(3, -1.0), np.full(3, 1.0)
+    return primitives.bounds()
+
+
+def primitive_shapes(mi: Any, primitives: PrimitiveSet, origin: Float64) -> dict[str, Any]:
+    """Shapes of all primitives; half-spaces are squares."""
     turns = primitives.rotation_matrices()
+    lower, upper = primitive_bounds(primitives)
+    reach = _HALF_SPACE_REACH * float(np.linalg.norm(upper - lower))
     shapes: dict[str, Any] = {}
     for i, kind in enumerate(primitives.kinds):
         center, turn, half = primitives.positions[i] - origin, turns[i], primitives.sizes[i] / 2

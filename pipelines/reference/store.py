@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import platformdirs
+
+from runtime.estimate import Estimate
 
 Arrays = dict[str, np.ndarray]
 
@@ -21,8 +22,33 @@ FOLDER = "SDFPRIM_CACHE"
 
 
 def cache_folder() -> Path:
-    """Where results are kept; safe to delete at any time."""
-    return Path(os.environ.get(FOLDER) or platformdirs.user_cache_dir("sdfprim")) / "reference"
+    """Where results are kept; safe to delete at any time.
+
+    Raises:
+        ValueError: no folder is named and the library that knows the user's is not installed.
+    """
+    named = os.environ.get(FOLDER)
+    if named:
+        return Path(named) / "reference"
+    try:
+        import platformdirs
+    except ImportError:
+        raise ValueError(
+            f"references are kept in the user's cache folder: pip install 'sdfprim[reference]', or name a "
+            f"folder in {FOLDER}"
+        ) from None
+    return Path(platformdirs.user_cache_dir("sdfprim")) / "reference"
+
+
+def cached_estimate(parts: Any, make: Callable[[], Estimate]) -> tuple[Estimate, bool]:
+    """`cached` for a measurement with its noise."""
+    arrays, was_kept = cached(parts, lambda: _arrays(make()))
+    first, second, error = (arrays[name] for name in ("first", "second", "standard_error"))
+    return Estimate(arrays["value"], first, second, error, int(arrays["samples"])), was_kept
+
+
+def _arrays(estimate: Estimate) -> Arrays:
+    return {field.name: np.asarray(getattr(estimate, field.name)) for field in fields(estimate)}
 
 
 def cached(parts: Any, make: Callable[[], Arrays]) -> tuple[Arrays, bool]:

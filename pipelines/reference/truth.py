@@ -108,7 +108,7 @@ class Reference:
         starts = np.asarray(points, np.float64) - self.origin + START * self.diagonal * unit
         if len(starts) == 0:
             return Estimate.of_nothing()
-        sensor, _ = make_sensor(self._mi, starts, unit)
+        sensor, _ = make_sensor(self._mi, self._scene, starts, unit)
         estimate = self._estimate(sensor, samples, target, seed, progress)
         rows = slice(0, len(starts))
         return Estimate(
