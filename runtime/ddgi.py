@@ -20,6 +20,7 @@ from runtime.encoder import Recorder
 from runtime.kernel import Kernel
 from runtime.probes import IRRADIANCE_SIZE, RAYS_AT_ONCE, ProbeGrid, ProbeGridInfo, check_rays, workgroups
 from runtime.resources import Buffer, Sampler, Texture
+from runtime.scene_tracer import open_tracer
 from runtime.structs import GpuStruct, f32, u32, vec4f
 from runtime.technique import FrameLight
 from runtime.twins.random import random_rotation
@@ -66,6 +67,7 @@ class DdgiUpdate(GpuStruct):
 class DdgiSettings:
     """Lengths in metres, or shares of the probe spacing.
 
+    tracer: what probe rays meet, "primitives" or "triangles", those of the scene's meshes.
     grid, probe_spacing, max_probes: as `SdfddgiSettings` has them.
     rays_per_probe: a multiple of 64.
     bounce: share of the light of the last frame's probes that is reflected on, 1 for all.
@@ -85,6 +87,7 @@ class DdgiSettings:
     sleep: a probe without a surface in its cells is not updated; points in the open then get no light of it.
     """
 
+    tracer: str = "primitives"
     grid: ProbeGrid | None = None
     probe_spacing: float | None = None
     max_probes: int = 9856
@@ -145,8 +148,10 @@ class Ddgi:
         self._irradiance = self._atlas(IRRADIANCE_SIZE, "probe irradiance atlas")
         self._distance = self._atlas(DISTANCE_SIZE, "probe distance atlas")
         self._sampler = Sampler(gpu, "linear", label="probe atlas")
-        self._relocate = Kernel(gpu, "ddgi/relocate_probes")
-        self._trace = Kernel(gpu, "ddgi/trace_probes")
+        self.tracer = open_tracer(s.tracer, gpu, world)
+        aliases = {"tracer": self.tracer.folder}
+        self._relocate = Kernel(gpu, "ddgi/relocate_probes", aliases=aliases)
+        self._trace = Kernel(gpu, "ddgi/trace_probes", aliases=aliases)
         self._blend_distances = Kernel(gpu, "ddgi/blend_distances")
         self._blend_irradiance = Kernel(gpu, "ddgi/blend_irradiance")
         self.reset()
@@ -157,13 +162,13 @@ class Ddgi:
     def record(self, rec: Recorder, frame: FrameLight) -> None:
         """Moves the probes where the world changed, traces all of them, and blends what they saw."""
         self._write_settings(frame)
-        world, lookup, groups = self.world.bindings(), self.lookup_bindings(), workgroups(len(self.grid))
+        scene, lookup, groups = self.tracer.bindings(), self.lookup_bindings(), workgroups(len(self.grid))
         if self._since_change < self.settings.relocation_frames:
             with rec.compute(self._relocate.name) as compute_pass:
                 self._relocate.dispatch(
                     compute_pass,
                     groups,
-                    world,
+                    scene,
                     lookup,
                     settings=self._relocate_settings,
                     states=self._states,
@@ -173,7 +178,7 @@ class Ddgi:
             self._trace.dispatch(
                 compute_pass,
                 (*groups, self.settings.rays_per_probe // RAYS_AT_ONCE),
-                world,
+                scene,
                 lookup,
                 frame.bindings,
                 settings=self._update_settings,
@@ -228,7 +233,7 @@ class Ddgi:
             self._histories, self._rays, self._encoded, self._moments,
         )  # fmt: skip
         texels = sum(int(np.prod(self.grid.atlas_size(size))) for size in (IRRADIANCE_SIZE, DISTANCE_SIZE))
-        return sum(buffer.size for buffer in buffers) + 8 * texels
+        return sum(buffer.size for buffer in buffers) + 8 * texels + self.tracer.memory
 
     def _write_settings(self, frame: FrameLight) -> None:
         s, spacing = self.settings, self.grid.spacing

@@ -1,4 +1,4 @@
-"""The truth on the GPU: irradiance at any points by path tracing the scene's triangles."""
+"""The truth on the GPU: irradiance at any points by path tracing the scene's triangles, or its primitives."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fit.primitives import PrimitiveSet
 from fit.scene import Scene
 from runtime.device import Gpu
 from runtime.direct import LightMaps
@@ -15,13 +16,11 @@ from runtime.estimate import Estimate
 from runtime.kernel import Kernel
 from runtime.lights import Illumination
 from runtime.resources import Buffer
+from runtime.scene_tracer import PrimitiveTracer, SceneTracer, TriangleTracer
 from runtime.settings import ShadowSettings
 from runtime.sky import SkyMap
-from runtime.structs import GpuStruct, f32, u32
-from runtime.triangles import Triangles
-
-MARGIN = 1e-5
-"""Of the scene's diagonal: how far off a surface rays start."""
+from runtime.structs import GpuStruct, u32
+from runtime.world import World
 
 SAMPLES_AT_ONCE = 4
 """Samples of one dispatch: few enough that no driver takes it for a hang."""
@@ -36,25 +35,32 @@ class PathSettings(GpuStruct):
     samples: u32
     first_sample: u32
     seed: u32
-    margin: f32
 
 
 class PathTracer:
     """Path traces one scene under one light.
 
     Diffuse base colour with textures and cut-outs, interpolated normals, every face two-sided; lamps shine
-    from their front, double-sided ones from both sides. Raises ValueError where there is nothing to trace.
+    from their front, double-sided ones from both sides. With `primitives`, these are traced in the place of
+    the triangles, from points that follow the runtime's own start rule; where it finds no start, E is 0.
+    Raises ValueError where there is nothing to trace.
     """
 
-    def __init__(self, gpu: Gpu, scene: Scene, illumination: Illumination) -> None:
+    def __init__(
+        self, gpu: Gpu, scene: Scene, illumination: Illumination, primitives: PrimitiveSet | None = None
+    ) -> None:
         self.gpu = gpu
         lower, upper = scene.bounds()
         self.origin = (lower + upper) / 2
-        self.triangles = Triangles(gpu, scene, self.origin)
+        self.tracer: SceneTracer
+        if primitives is None:
+            self.tracer = TriangleTracer(gpu, scene, self.origin)
+        else:
+            self.tracer = PrimitiveTracer(World(gpu, scene, primitives, self.origin))
         self._sky = SkyMap(gpu, illumination.sky)
         self._lights = LightMaps(gpu, self.origin, ShadowSettings(max_suns=0, max_spots=0), None)
         self._lights.set(illumination.lights)
-        self._kernel = Kernel(gpu, "triangles/gather_paths")
+        self._kernel = Kernel(gpu, "paths/gather_paths", aliases={"tracer": self.tracer.folder})
 
     def irradiance(
         self,
@@ -99,14 +105,13 @@ class PathTracer:
             samples=SAMPLES_AT_ONCE,
             first_sample=first,
             seed=seed,
-            margin=MARGIN * self.triangles.diagonal,
         )
         rec = Recorder(self.gpu, label="paths")
         with rec.compute(self._kernel.name) as compute_pass:
             self._kernel.dispatch(
                 compute_pass,
                 self._kernel.groups_for(row, -(-count // row)),
-                self.triangles.bindings(),
+                self.tracer.bindings(),
                 self._sky.bindings(),
                 self._lights.bindings(),
                 settings=Buffer(self.gpu, settings, "uniform", label="path settings"),

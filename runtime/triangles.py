@@ -30,11 +30,16 @@ Int64 = NDArray[np.int64]
 
 TRIANGLES_A_LEAF = 4
 NO_IMAGE = 0xFFFFFFFF
+
+MARGIN = 1e-5
+"""Of the scene's diagonal: how far off a surface rays start."""
+
 WRAPS = {Wrap.REPEAT: 0, Wrap.MIRROR: 1, Wrap.CLAMP: 2}
 
 
 class TriangleInfo(GpuStruct):
     first_leaf: u32
+    margin: f32
 
 
 class TriangleCorner(GpuStruct):
@@ -83,7 +88,7 @@ class Triangles:
                 f"{scene.source}: {len(corners)} triangles take {need >> 20} MiB, "
                 f"a buffer binds {limit >> 20}: simplify the meshes"
             )
-        self.diagonal = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0))) or 1.0
+        diagonal = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0))) or 1.0
         order, nodes = build_tree(corners)
         faces = np.zeros((len(order), 3, 4), np.float32)
         kept = order >= 0  # the tree is complete: what fills its last leaves are triangles without area
@@ -96,10 +101,9 @@ class Triangles:
         images = _Images(scene, texel_bytes)
         table = _material_records((*scene.materials, Material()), images)
         self.notes = images.notes
+        info = TriangleInfo.pack(first_leaf=len(nodes) // 2, margin=MARGIN * diagonal)
         self._buffers = {
-            "triangle_info": Buffer(
-                gpu, TriangleInfo.pack(first_leaf=len(nodes) // 2), "uniform", label="triangle info"
-            ),
+            "triangle_info": Buffer(gpu, info, "uniform", label="triangle info"),
             "triangle_nodes": Buffer(gpu, nodes, label="triangle nodes"),
             "triangle_faces": Buffer(gpu, faces, label="triangle faces"),
             "triangle_corners": Buffer(gpu, sorted_records, label="triangle corners"),

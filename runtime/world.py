@@ -101,6 +101,7 @@ class World:
         settings: WorldSettings | None = None,
     ) -> None:
         self.gpu = gpu
+        self.scene = scene
         self.settings = settings or WorldSettings()
         self.origin: Float64 = (
             _centre(scene, primitives) if origin is None else np.array(origin, dtype=np.float64)

@@ -124,17 +124,16 @@ struct PlaceSettings {  // 48 bytes
     attraction: f32,          // 44
 }
 
-struct UpdateSettings {  // 40 bytes
+struct UpdateSettings {  // 36 bytes
     probe_count: u32,   // 0
-    columns: u32,       // 4
-    batches: u32,       // 8
-    fresh_factor: u32,  // 12
-    frame: u32,         // 16
-    seed: u32,          // 20
-    bounce: f32,        // 24
-    reach: f32,         // 28
-    most_frames: f32,   // 32
-    forget_drift: u32,  // 36
+    batches: u32,       // 4
+    fresh_factor: u32,  // 8
+    frame: u32,         // 12
+    seed: u32,          // 16
+    bounce: f32,        // 20
+    reach: f32,         // 24
+    most_frames: f32,   // 28
+    forget_drift: u32,  // 32
 }
 
 struct ProbeHistory {  // 24 bytes
@@ -179,8 +178,9 @@ struct DdgiUpdate {  // 64 bytes
     bounce: f32,             // 60
 }
 
-struct TriangleInfo {  // 4 bytes
+struct TriangleInfo {  // 8 bytes
     first_leaf: u32,  // 0
+    margin: f32,      // 4
 }
 
 struct TriangleCorner {  // 24 bytes
@@ -208,11 +208,10 @@ struct TriangleImage {  // 24 bytes
     is_linear: u32,  // 20
 }
 
-struct PathSettings {  // 24 bytes
+struct PathSettings {  // 20 bytes
     count: u32,         // 0
     row: u32,           // 4
     samples: u32,       // 8
     first_sample: u32,  // 12
     seed: u32,          // 16
-    margin: f32,        // 20
 }

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from fit.primitives import PrimitiveSet, make_box
+from fit.scene import Scene
 from runtime import technique as techniques
 from runtime.ddgi import DdgiSettings
 from runtime.device import Gpu
@@ -79,8 +80,9 @@ class Stage:
         lights: tuple[Any, ...] = (),
         world: WorldSettings | None = None,
         origin: Any = None,
+        scene: Scene | None = None,
     ) -> None:
-        self.world = World(gpu, None, primitives, origin, world)
+        self.world = World(gpu, scene, primitives, origin, world)
         self.technique = techniques.create(name, gpu, self.world, settings)
         self._gpu = gpu
         self._gather = Gather(gpu, self.world, self.technique)
@@ -136,9 +138,17 @@ def make_stage(gpu: Gpu):
     """Stage of a technique; keywords that are no argument of `Stage` are the technique's settings."""
 
     def make(
-        name: str, primitives: PrimitiveSet, *, sky=None, lights=(), world=None, origin=None, **settings: Any
+        name: str,
+        primitives: PrimitiveSet,
+        *,
+        sky=None,
+        lights=(),
+        world=None,
+        origin=None,
+        scene=None,
+        **settings: Any,
     ) -> Stage:
-        return Stage(gpu, name, primitives, SETTINGS[name](**settings), sky, lights, world, origin)
+        return Stage(gpu, name, primitives, SETTINGS[name](**settings), sky, lights, world, origin, scene)
 
     return make
 

@@ -51,6 +51,25 @@ def test_closed_box_of_glowing_walls(gpu, make_room, inner_surface, mesh_of_boxe
     assert abs(found.value.mean() - expected) < 3.5 * error
 
 
+def test_primitives_are_traced_like_the_mesh_of_them(gpu, make_room, inner_surface, mesh_of_boxes):
+    room, surface = make_room(0.2, opening=True), inner_surface(200, opening=True)
+    scene = mesh_of_boxes(room)
+    mesh, boxes = (
+        PathTracer(gpu, scene, OUTDOORS, given).irradiance(*surface, samples=64) for given in (None, room)
+    )
+    error = np.sqrt((np.hypot(mesh.standard_error, boxes.standard_error) ** 2).sum())
+    assert error < 0.05 * mesh.value.mean(axis=1).sum()
+    assert abs((mesh.value - boxes.value).mean(axis=1).sum()) < 3.5 * error
+
+
+def test_points_without_a_start_among_primitives_are_dark(gpu, make_room, mesh_of_boxes):
+    block = make_box((0, 0, 0), (2, 2, 2))
+    tracer = PathTracer(gpu, mesh_of_boxes(block), OUTDOORS, block)
+    found = tracer.irradiance([(0, 0, 0), (0, 1, 0)], [(0, 1, 0), (0, 1, 0)], samples=8)
+    assert np.all(found.value[0] == 0)
+    np.testing.assert_allclose(found.value[1], np.pi, rtol=1e-5)
+
+
 def test_sealed_room_is_black(gpu, make_room, inner_surface, mesh_of_boxes):
     tracer = PathTracer(gpu, mesh_of_boxes(make_room(0.01)), OUTDOORS)
     assert np.all(tracer.irradiance(*inner_surface(500), samples=16).value == 0)

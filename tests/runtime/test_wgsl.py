@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 
 from runtime import wgsl, wgsl_syntax
@@ -232,20 +234,29 @@ def test_an_error_in_the_pipeline_is_a_shader_error_too(gpu, shaders):
         Kernel(gpu, "k", root=shaders({"k": text}))
 
 
-def kernels_of_the_product() -> list[tuple[str, str | None]]:
-    """(module, technique) for every WGSL file, with each technique where the file asks for one."""
-    techniques = sorted(path.parent.name for path in wgsl.SHADERS.glob("*/lookup.wgsl"))
-    pairs: list[tuple[str, str | None]] = []
+def kernels_of_the_product() -> list[tuple[str, str, str]]:
+    """(module, technique, tracer) for every WGSL file, with each of both where the file asks for one.
+
+    Only ddgi's lookup traces nothing, and so goes with the tracer of triangles.
+    """
+    places = {
+        "technique": sorted(path.parent.name for path in wgsl.SHADERS.glob("*/lookup.wgsl")),
+        "tracer": sorted(path.parent.name for path in wgsl.SHADERS.glob("*/sights.wgsl")),
+    }
+    found: list[tuple[str, str, str]] = []
     for path in sorted(wgsl.SHADERS.rglob("*.wgsl")):
         name = path.relative_to(wgsl.SHADERS).with_suffix("").as_posix()
-        asks = "package::technique::" in path.read_text(encoding="utf-8")
-        pairs += [(name, technique) for technique in techniques] if asks else [(name, None)]
-    return pairs
+        text = path.read_text(encoding="utf-8")
+        choices = [places[alias] if f"package::{alias}::" in text else [""] for alias in places]
+        if path.parent.name in places["tracer"]:
+            choices[1] = [path.parent.name]
+        found += [(name, *pair) for pair in itertools.product(*choices) if pair != ("sdfddgi", "triangles")]
+    return found
 
 
-@pytest.mark.parametrize(("name", "technique"), kernels_of_the_product())
-def test_every_shader_of_the_product_compiles(gpu, name, technique):
-    aliases = {"technique": technique} if technique else {}
+@pytest.mark.parametrize(("name", "technique", "tracer"), kernels_of_the_product())
+def test_every_shader_of_the_product_compiles(gpu, name, technique, tracer):
+    aliases = {alias: module for alias, module in (("technique", technique), ("tracer", tracer)) if module}
     shader = load(name, aliases)
     if "compute" in shader.entry_points:
         needed = {entry.name: 1 for entry in shader.overrides if entry.default is None}

@@ -1,12 +1,12 @@
 // Moves probes out of walls and away from them, by fixed rays, and switches off those that stay inside (Majercik et al.
-// 2021, sections 3.1 and 3.2): a probe that is inside leaves through the nearest back; one that is too near to a front
-// goes towards where most room is; one with room to spare returns to its node. Small steps, a few frames long.
+// 2021, sections 3.1 and 3.2): a probe that is inside, which sees many backs, leaves through the nearest of them; one
+// that is too near to a front goes towards where most room is; one with room to spare returns to its node. Small steps,
+// a few frames long.
 
-import package::ddgi::probe_rays::{signed_distance};
-import package::lib::candidates::{world_distance};
 import package::lib::random::{spherical_fibonacci};
 import package::probes::grid::{probe_grid};
 import package::structs::{RelocateSettings};
+import package::tracer::clearances::{signed_clearance};
 
 @group(0) @binding(0) var<uniform> settings: RelocateSettings;
 @group(0) @binding(1) var<storage, read_write> states: array<vec4f>;
@@ -18,19 +18,51 @@ const PROBE_ON: f32 = 1.0;
 const PROBE_ASLEEP: f32 = 0.5;
 const PROBE_INSIDE: f32 = 0.0;
 
-var<workgroup> distances: array<f32, RAYS>;
+// Share of rays that end at backs above which a probe is inside.
+const MOST_BACKS: f32 = 0.25;
 
-fn relocated(node: vec3f, place: vec3f, is_inside: bool, back: u32, near: u32, far: u32) -> vec3f {
+var<workgroup> distances: array<f32, RAYS>;
+var<workgroup> moved: vec3f;
+
+struct Surroundings {
+    is_inside: bool,
+    sees_surface: bool,
+    // The rays that end at the nearest back, the nearest and the farthest front.
+    back: u32,
+    near: u32,
+    far: u32,
+}
+
+fn surroundings() -> Surroundings {
+    var found = Surroundings(false, false, 0u, 0u, 0u);
+    var backs = 0u;
+    for (var i = 0u; i < RAYS; i++) {
+        let reached = abs(spherical_fibonacci(i, RAYS) * distances[i]);
+        found.sees_surface = found.sees_surface || all(reached <= vec3f(probe_grid.spacing));
+        if distances[i] < 0.0 {
+            backs++;
+            found.back = select(found.back, i, distances[found.back] >= 0.0 || distances[i] > distances[found.back]);
+            continue;
+        }
+        found.near = select(found.near, i, distances[found.near] < 0.0 || distances[i] < distances[found.near]);
+        found.far = select(found.far, i, distances[found.far] < 0.0 || distances[i] > distances[found.far]);
+    }
+    found.is_inside = f32(backs) > MOST_BACKS * f32(RAYS);
+    return found;
+}
+
+fn relocated(node: vec3f, place: vec3f, seen: Surroundings) -> vec3f {
     var offset = place - node;
-    if is_inside {
-        offset += spherical_fibonacci(back, RAYS) * (0.5 * settings.clearance - distances[back]);
-    } else if distances[near] < settings.clearance {
-        let away = spherical_fibonacci(far, RAYS);
-        if dot(away, spherical_fibonacci(near, RAYS)) <= 0.0 {
-            offset += away * min(settings.clearance - distances[near], 0.5 * distances[far]);
+    let near = distances[seen.near];
+    if seen.is_inside {
+        offset += spherical_fibonacci(seen.back, RAYS) * (0.5 * settings.clearance - distances[seen.back]);
+    } else if near < settings.clearance {
+        let away = spherical_fibonacci(seen.far, RAYS);
+        if dot(away, spherical_fibonacci(seen.near, RAYS)) <= 0.0 {
+            offset += away * min(settings.clearance - near, 0.5 * distances[seen.far]);
         }
     } else {
-        let spare = min(distances[near] - settings.clearance, length(offset));
+        let spare = min(near - settings.clearance, length(offset));
         offset -= spare * offset / max(length(offset), 1e-20);
     }
     return select(place, node + offset, all(abs(offset) <= vec3f(settings.reach)));
@@ -47,30 +79,21 @@ fn main(
     let cell = vec3u(probe % counts.x, (probe / counts.x) % counts.y, probe / (counts.x * counts.y));
     let node = probe_grid.lower + vec3f(cell) * probe_grid.spacing;
     let place = select(states[probe].xyz, node, settings.is_first != 0u);
-    distances[thread] = signed_distance(place, spherical_fibonacci(thread, RAYS), settings.reach_of_rays);
+    let direction = spherical_fibonacci(thread, RAYS);
+    distances[thread] = signed_clearance(place, direction, settings.reach_of_rays);
+    workgroupBarrier();
+    if thread == 0u {
+        moved = relocated(node, place, surroundings());
+    }
+    workgroupBarrier();
+    distances[thread] = signed_clearance(moved, direction, settings.reach_of_rays);
     workgroupBarrier();
     if thread > 0u || group.x + group.y * groups.x >= settings.probe_count {
         return;
     }
-    var is_inside = false;
-    var back = 0u;
-    var near = 0u;
-    var far = 0u;
-    var sees_surface = false;
-    for (var i = 0u; i < RAYS; i++) {
-        let reached = abs(spherical_fibonacci(i, RAYS) * distances[i]);
-        sees_surface = sees_surface || all(reached <= vec3f(probe_grid.spacing));
-        if distances[i] < 0.0 {
-            is_inside = true;  // as every ray then says
-            back = select(back, i, distances[back] >= 0.0 || distances[i] > distances[back]);
-            continue;
-        }
-        near = select(near, i, distances[near] < 0.0 || distances[i] < distances[near]);
-        far = select(far, i, distances[far] < 0.0 || distances[i] > distances[far]);
-    }
-    let moved = relocated(node, place, is_inside, back, near, far);
-    var state = select(PROBE_ON, PROBE_INSIDE, world_distance(moved) < 0.0);
-    if state == PROBE_ON && !sees_surface && settings.may_sleep != 0u {
+    let seen = surroundings();
+    var state = select(PROBE_ON, PROBE_INSIDE, seen.is_inside);
+    if state == PROBE_ON && !seen.sees_surface && settings.may_sleep != 0u {
         state = PROBE_ASLEEP;
     }
     if settings.is_first != 0u || states[probe].w != state || distance(moved, place) > settings.jump {

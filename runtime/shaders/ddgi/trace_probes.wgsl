@@ -3,29 +3,26 @@
 
 import package::ddgi::lookup::{PROBE_ON, gi_irradiance, probe_states};
 import package::lib::brdf::{brdf_lambert};
-import package::lib::lights::{direct_radiance_at_hit};
-import package::lib::march::{trace};
-import package::lib::primitives::{shape_half_thickness};
 import package::lib::quaternion::{quat_rotate};
 import package::lib::random::{PI, spherical_fibonacci};
 import package::lib::sky::{sky_radiance_within};
 import package::structs::{DdgiUpdate};
-import package::world::bindings::{NO_PRIMITIVE, world_shape};
+import package::tracer::reflections::{reflected_radiance};
+import package::tracer::sights::{sight_along};
 
 @group(0) @binding(0) var<uniform> settings: DdgiUpdate;
 @group(0) @binding(1) var<storage, read_write> probe_rays: array<vec4f>;
 
 fn incoming_radiance(origin: vec3f, direction: vec3f) -> vec4f {
-    let hit = trace(origin, direction, settings.reach);
-    if hit.primitive == NO_PRIMITIVE {
+    let seen = sight_along(origin, direction, settings.reach);
+    if !seen.is_hit {
         return vec4f(sky_radiance_within(direction, 4.0 * PI / f32(settings.rays)), settings.reach);
     }
-    let thickness = shape_half_thickness(world_shape(hit.primitive));
-    var radiance = hit.emission + direct_radiance_at_hit(hit.position, hit.normal, hit.albedo, thickness);
+    var radiance = seen.emission + reflected_radiance(seen);
     if settings.bounce > 0.0 {
-        radiance += settings.bounce * brdf_lambert(hit.albedo, gi_irradiance(hit.position, hit.normal, -direction));
+        radiance += settings.bounce * brdf_lambert(seen.albedo, gi_irradiance(seen.position, seen.normal, -direction));
     }
-    return vec4f(radiance, hit.t);
+    return vec4f(radiance, seen.t);
 }
 
 @compute @workgroup_size(64)

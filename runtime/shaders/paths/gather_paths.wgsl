@@ -2,13 +2,11 @@
 // bounce, unlimited bounces ended by Russian roulette. Adds its samples to those of the dispatches before.
 
 import package::lib::brdf::{brdf_lambert};
-import package::lib::light_list::{lighting, lights};
-import package::lib::punctual::{punctual_attenuation, punctual_direction, punctual_distance};
 import package::lib::random::{PI, random_hash, random_uniform};
 import package::lib::sky::{sky_radiance};
+import package::paths::lamps::{lamps_irradiance};
 import package::structs::{PathSettings};
-import package::triangles::surface::{surface_at};
-import package::triangles::trace::{NO_TRIANGLE, triangles_trace, triangles_visible};
+import package::tracer::sights::{sight_along, sight_start};
 
 @group(0) @binding(0) var<uniform> settings: PathSettings;
 
@@ -23,6 +21,8 @@ import package::triangles::trace::{NO_TRIANGLE, triangles_trace, triangles_visib
 const ROULETTE_BOUNCE: u32 = 6u;
 const LAST_BOUNCE: u32 = 64u;
 
+const FARTHEST: f32 = 1e30;
+
 fn cosine_direction(normal: vec3f, u: vec2f) -> vec3f {
     let angle = 2.0 * PI * u.x;
     let radius = sqrt(u.y);
@@ -36,40 +36,19 @@ fn cosine_direction(normal: vec3f, u: vec2f) -> vec3f {
     return normalize(tangent * (radius * cos(angle)) + bitangent * (radius * sin(angle)) + normal * height);
 }
 
-// Irradiance of all lamps at a point with a normal on the viewer's side; `start` is off its surface.
-fn lamps_irradiance(start: vec3f, normal: vec3f) -> vec3f {
-    var total = vec3f(0.0);
-    for (var i = 0u; i < lighting.count; i++) {
-        let light = lights[i];
-        let towards = punctual_direction(light, start);
-        let strength = dot(normal, towards) * punctual_attenuation(light, start);
-        if strength > 0.0 && triangles_visible(start, towards, punctual_distance(light, start)) {
-            total += light.color * strength;
-        }
-    }
-    return total;
-}
-
 fn path_radiance(from_point: vec3f, along: vec3f, key: u32) -> vec3f {
     var origin = from_point;
     var direction = along;
     var throughput = vec3f(1.0);
     var total = vec3f(0.0);
     for (var bounce = 0u; bounce < LAST_BOUNCE; bounce++) {
-        let hit = triangles_trace(origin, direction, 3.0e38, false);
-        if hit.triangle == NO_TRIANGLE {
+        let seen = sight_along(origin, direction, FARTHEST);
+        if !seen.is_hit {
             return total + throughput * sky_radiance(direction);
         }
-        let surface = surface_at(hit.triangle, hit.place);
-        let is_front = dot(hit.face, direction) < 0.0;
-        if is_front || surface.is_double_sided {
-            total += throughput * surface.emission;
-        }
-        let face = normalize(select(-hit.face, hit.face, is_front));
-        let normal = select(-surface.normal, surface.normal, dot(surface.normal, direction) < 0.0);
-        let start = origin + direction * hit.t + face * settings.margin;
-        total += throughput * brdf_lambert(surface.albedo, lamps_irradiance(start, normal));
-        throughput *= surface.albedo;
+        let reflected = brdf_lambert(seen.albedo, lamps_irradiance(seen.position, seen.normal));
+        total += throughput * (seen.emission + reflected);
+        throughput *= seen.albedo;
         let u = random_uniform(random_hash(vec3u(key, bounce + 1u, settings.seed)));
         if bounce >= ROULETTE_BOUNCE {
             let survival = min(max(throughput.r, max(throughput.g, throughput.b)), 0.95);
@@ -78,8 +57,8 @@ fn path_radiance(from_point: vec3f, along: vec3f, key: u32) -> vec3f {
             }
             throughput /= survival;
         }
-        origin = start;
-        direction = cosine_direction(normal, u.xy);
+        origin = seen.position;
+        direction = cosine_direction(seen.normal, u.xy);
     }
     return total;
 }
@@ -91,12 +70,15 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let normal = points[2u * index + 1u].xyz;
-    let start = points[2u * index].xyz + normal * settings.margin;
+    let start = sight_start(points[2u * index].xyz, normal);
+    if start.w == 0.0 {
+        return;
+    }
     var sum = sums[index];
     for (var i = 0u; i < settings.samples; i++) {
         let key = random_hash(vec3u(index, settings.first_sample + i, settings.seed)).x;
         let u = random_uniform(random_hash(vec3u(key, 0u, settings.seed)));
-        let irradiance = PI * path_radiance(start, cosine_direction(normal, u.xy), key);
+        let irradiance = PI * path_radiance(start.xyz, cosine_direction(normal, u.xy), key);
         let mean = dot(irradiance, vec3f(1.0 / 3.0));
         sum += vec4f(irradiance, mean * mean);
     }

@@ -6,7 +6,7 @@ import package::world::bindings::{world};
 
 const LEAVE_STEPS: u32 = 64u;
 
-fn signed_distance(origin: vec3f, direction: vec3f, reach: f32) -> f32 {
+fn signed_clearance(origin: vec3f, direction: vec3f, reach: f32) -> f32 {
     var inside = -world_distance(origin);
     if inside <= 0.0 {
         return march_ray(origin, direction, reach).t;
