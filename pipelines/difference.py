@@ -57,8 +57,8 @@ def relative_error(found: Halves, reference: Halves) -> RelativeError:
 
     a and b are independent halves of the reference, x and x' of what is judged, so that no noise of either
     adds to the numerator; eps = (0.01 of the reference's mean)^2. Where the reference is so noisy that its
-    inverse is too, the ratio of the means of numerator and denominator tells more. Infinite where the reference is black and what
-    is judged is not.
+    inverse is too, the ratio of the means of numerator and denominator tells more.
+    Infinite where the reference is black and what is judged is not.
     """
     a, b = (np.asarray(half, np.float64) for half in reference)
     x, y = (np.asarray(half, np.float64) for half in found)

@@ -42,9 +42,10 @@ def load_mitsuba() -> Any:
             "the reference needs Mitsuba 3: pip install 'sdfprim[reference]' (or pip install mitsuba)"
         ) from None
     mitsuba.set_variant(os.environ.get(VARIANT) or _best_variant())
-    from pipelines.reference import points
+    from pipelines.reference import centres, points
 
     points.register(mitsuba)
+    centres.register(mitsuba)
     return mitsuba
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fit.scene import Camera, Float64
+from pipelines.reference.centres import make_camera
 from pipelines.reference.points import make_sensor
 from runtime.estimate import Estimate
 
@@ -23,9 +24,6 @@ ROULETTE_DEPTH = 8
 
 SAMPLES_AT_ONCE = 16
 """Samples a pixel of one pass; passes are what progress, target errors and halves are made of."""
-
-LAMP_SAMPLES = 64
-"""Samples a pixel of the direct light: lamps have no size, so that only the pixel's area is averaged."""
 
 Progress = Callable[[float], None]
 
@@ -59,15 +57,16 @@ class Reference:
         # `path` takes cut-outs for walls on the way to a lamp; `volpath` does not, and costs more.
         has_cutouts = any(shape["bsdf"]["type"] == "mask" for shape in shapes.values())
         kind = "volpath" if has_cutouts else "path"
+        dark = {name: mi.load_dict(_without_emission(shape)) for name, shape in shapes.items()}
+        bright = {name: shape if "emitter" in shape else dark[name] for name, shape in shapes.items()}
         path = {"type": kind, "max_depth": -1, "rr_depth": ROULETTE_DEPTH}
-        self._scene = _load_scene(mi, path, shapes, lights)
-        lamps = {name: light for name, light in lights.items() if name != "sky"}
-        dark = {
-            name: {key: value for key, value in shape.items() if key != "emitter"}
-            for name, shape in shapes.items()
-        }
-        integrator = {"type": kind, "max_depth": 2}
-        self._lamps_only = _load_scene(mi, integrator, dark, lamps) if lamps else None
+        self._scene = _load_scene(mi, path, bright, lights)
+        # One scene for each lamp: from among several, Mitsuba would choose by chance.
+        self._lamps = [
+            _load_scene(mi, {"type": kind, "max_depth": 2}, dark, {name: light})
+            for name, light in lights.items()
+            if name != "sky"
+        ]
 
     def picture(
         self,
@@ -79,15 +78,16 @@ class Reference:
         seed: int = 0,
         progress: Progress | None = None,
     ) -> Picture:
-        """What the camera sees, with `samples` a pixel, fewer when the noise falls under `target` before.
+        """What the camera sees through pixel centres, with `samples` a pixel, fewer when the noise falls
+        under `target` before.
 
         target: mean absolute noise as a share of the mean.
         """
-        sensor = self._mi.load_dict(_sensor(self._mi, camera, size, self.origin))
+        sensor = make_camera(self._mi, _sensor(self._mi, camera, size, self.origin))
         beauty = self._estimate(sensor, samples, target, seed, progress)
         direct = np.zeros_like(beauty.value)
-        if self._lamps_only is not None:
-            direct = self._render(self._lamps_only, sensor, LAMP_SAMPLES, seed)
+        for lamp in self._lamps:
+            direct += self._render(lamp, sensor, 1, seed)
         return Picture(beauty, direct)
 
     def irradiance(
@@ -143,6 +143,10 @@ class Reference:
 
     def _render(self, scene: Any, sensor: Any, samples: int, seed: int) -> Float64:
         return np.array(self._mi.render(scene, sensor=sensor, spp=samples, seed=seed), np.float64)[..., :3]
+
+
+def _without_emission(shape: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in shape.items() if key != "emitter"}
 
 
 def _load_scene(mi: Any, integrator: dict[str, Any], shapes: dict[str, Any], lights: dict[str, Any]) -> Any:

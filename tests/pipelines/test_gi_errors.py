@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -26,9 +27,11 @@ from runtime.sky import Sky
 SKY = Illumination((), Sky.gradient((1, 1, 1), (0.8, 0.6, 0.4), (0.3, 0.9, 0.1)))
 
 
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(FOLDER, str(tmp_path_factory.getbasetemp() / "cache"))
+@pytest.fixture(scope="module", autouse=True)
+def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(FOLDER, str(tmp_path_factory.mktemp("cache")))
+        yield
 
 
 def stand(albedo: float = 0.5) -> PrimitiveSet:
@@ -46,7 +49,7 @@ def studio(gpu: Any, scene: Scene) -> Studio:
     return Studio(gpu, scene, View(camera, "given"), SKY, (24, 18), 0.0)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def judge(gpu: Any, mesh_of_boxes: Any) -> Judge:
     return Judge.of(studio(gpu, mesh_of_boxes(stand())), TruthSettings("reference-gpu", samples=64))
 

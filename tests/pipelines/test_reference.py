@@ -165,21 +165,21 @@ def test_a_spot_falls_off_as_gltf_says(inner):
     picture = mesh_reference(quad(Material()), Illumination((spot,))).picture(
         straight_on(), (32, 32), samples=2
     )
-    place = (np.arange(32 * 8) + 0.5) / (16 * 8) - 1
+    place = (np.arange(32) + 0.5) / 16 - 1
     x, y = np.meshgrid(place, -place)
     squared = (x - 0.1) ** 2 + (y - 0.2) ** 2 + height**2
     cosine = height / np.sqrt(squared)
     share = np.clip((cosine - np.cos(outer)) / (np.cos(inner) - np.cos(outer)), 0, 1) ** 2
-    expected = (7 * share * cosine / squared / np.pi).reshape(32, 8, 32, 8).mean(axis=(1, 3))
-    np.testing.assert_allclose(picture.direct[..., 0], expected, atol=0.02 * expected.max())
+    expected = 7 * share * cosine / squared / np.pi
+    np.testing.assert_allclose(picture.direct[..., 0], expected, atol=0.005 * expected.max())
 
 
 def test_a_point_falls_off_by_the_square():
     lamp = Point((0, 0, 1.5), (2.0, 1.0, 0.5))
     picture = mesh_reference(quad(Material()), Illumination((lamp,))).picture(
-        straight_on(), (9, 9), samples=64
+        straight_on(), (9, 9), samples=2
     )
-    np.testing.assert_allclose(picture.direct[4, 4], np.array([2, 1, 0.5]) / 1.5**2 / np.pi, rtol=0.01)
+    np.testing.assert_allclose(picture.direct[4, 4], np.array([2, 1, 0.5]) / 1.5**2 / np.pi, rtol=1e-4)
 
 
 def textured(pixels: np.ndarray, **material) -> Scene:
@@ -293,7 +293,7 @@ def test_each_kind_and_face_shows_its_own_colour():
     for axis, sign in ((a, s) for a in (0, 2) for s in (1, -1)):
         away = np.zeros(3)
         away[axis] = 0.9 * sign
-        picture = reference.picture(look_at(away, np.zeros(3), 5), (1, 1), samples=64)
+        picture = reference.picture(look_at(away, np.zeros(3), 5), (1, 1), samples=2048)
         np.testing.assert_allclose(
             picture.beauty.value[0, 0], colors[2 * axis + (sign < 0)], atol=0.1 if axis == 0 else 0.02
         )
