@@ -1,4 +1,4 @@
-"""A Mitsuba sensor that looks through a camera at pixel centres alone, as every other picture here is made."""
+"""A Mitsuba sensor that looks through pixel centres alone, as every other picture here is made."""
 
 from __future__ import annotations
 
