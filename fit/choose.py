@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.objective import RUN, Targets, distance_table, distances_from, near_rows, penalties
+from fit.objective import RUN, Targets, distance_table, near_distances, penalties
 from fit.scene import Float64
 from fit.shapes import Shapes
 
@@ -53,18 +53,17 @@ class Offers:
 def offer(candidates: Shapes, bonus: Float64, targets: Targets, current: Float64) -> Offers:
     """The candidates held against a set at distances `current` (p,)."""
     starts, rows, distances = [0], [], []
-    farthest = run_maxima(current, targets)
+    open_to = np.where(np.repeat(run_maxima(current, targets), RUN)[: len(current)] > 0, current, -np.inf)
     for i in range(len(candidates)):
-        near = near_rows(candidates, i, targets, farthest)
-        own = distances_from(candidates, i, targets, near)
-        closer = np.flatnonzero(own < current[near])
+        near, own = near_distances(candidates, i, targets)
+        closer = np.flatnonzero(own < open_to[near])
         rows.append(near[closer].astype(np.int32))
         distances.append(own[closer].astype(np.float32))
         starts.append(starts[-1] + len(closer))
     joined = np.concatenate([*rows, np.zeros(0, np.int32)])
-    near_distances = np.concatenate([*distances, np.zeros(0, np.float32)])
-    own_error = penalties(targets, near_distances.astype(np.float64), joined).astype(np.float32)
-    return Offers(candidates, bonus, np.array(starts), joined, near_distances, own_error)
+    own_distances = np.concatenate([*distances, np.zeros(0, np.float32)])
+    own_error = penalties(targets, own_distances.astype(np.float64), joined).astype(np.float32)
+    return Offers(candidates, bonus, np.array(starts), joined, own_distances, own_error)
 
 
 def run_maxima(values: Float64, targets: Targets) -> Float64:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.choose import worths
-from fit.objective import Targets, distance_table, distances_from, near_rows, penalties
+from fit.objective import Targets, distance_table, near_distances, penalties
 from fit.primitives import Kind
 from fit.scene import Float64
 from fit.shapes import Shapes, join, make_shapes
@@ -24,7 +24,7 @@ def thin_out(shapes: Shapes, targets: Targets, *, count: int, kept: int = 0, mer
     """
     table = distance_table(shapes, targets)
     removals = [(float(cost), (i,), None) for i, cost in enumerate(worths(table, targets)) if i >= kept]
-    merges = _merges(shapes, table, targets, kept) if merging else []
+    merges = find_merges(shapes, table, targets, kept) if merging else []
     gone, added = np.zeros(len(shapes), bool), []
     left = count
     for _, members, merged in sorted(removals + merges, key=lambda step: step[0]):
@@ -40,26 +40,37 @@ def thin_out(shapes: Shapes, targets: Targets, *, count: int, kept: int = 0, mer
 Step = tuple[float, tuple[int, ...], Shapes | None]
 
 
-def _merges(shapes: Shapes, table: Float64, targets: Targets, kept: int) -> list[Step]:
+def find_merges(shapes: Shapes, table: Float64, targets: Targets, kept: int) -> list[Step]:
     """What E rises by for each pair of boxes that one box can stand for, the pair, and that box."""
-    standing = penalties(targets, table.min(axis=0))
+    nearest, distance = _nearest_three(table, targets.reach)
+    standing = penalties(targets, distance[0])
     steps: list[Step] = []
     for i, j in _neighbours(shapes, kept):
-        rest = np.delete(table, (i, j), axis=0).min(axis=0, initial=targets.reach)
+        first, second = ((nearest[k] == i) | (nearest[k] == j) for k in (0, 1))
+        rest = np.where(first, np.where(second, distance[2], distance[1]), distance[0])
         best: Step | None = None
         for frame in (shapes.frames[i], shapes.frames[j]):
             merged = _box_around(shapes, i, j, frame)
             if merged.volumes()[0] * (1 - MOST_EMPTY) > shapes.volumes()[[i, j]].sum():
                 continue
             distances = rest.copy()
-            rows = near_rows(merged, 0, targets, targets.reach)
-            distances[rows] = np.minimum(distances[rows], distances_from(merged, 0, targets, rows))
+            rows, own = near_distances(merged, 0, targets)
+            distances[rows] = np.minimum(distances[rows], own)
             rise = float((penalties(targets, distances) - standing).sum())
             if best is None or rise < best[0]:
                 best = (rise, (i, j), merged)
         if best is not None:
             steps.append(best)
     return steps
+
+
+def _nearest_three(table: Float64, reach: float) -> tuple[NDArray[np.int64], Float64]:
+    """The three nearest shapes (3, p) to each target, the nearest first, and their distances (3, p)."""
+    padded = np.concatenate([table, np.full((3, table.shape[1]), reach)])
+    nearest = np.argpartition(padded, 2, axis=0)[:3]
+    distance = np.take_along_axis(padded, nearest, axis=0)
+    order = np.argsort(distance, axis=0, kind="stable")
+    return np.take_along_axis(nearest, order, axis=0), np.take_along_axis(distance, order, axis=0)
 
 
 def _neighbours(shapes: Shapes, kept: int) -> list[tuple[int, int]]:

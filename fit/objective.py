@@ -47,6 +47,9 @@ PLACES = (0.0, 0.5, 1.0)
 RUN = 64
 """Targets on end that are searched together; `fit.targets` puts neighbours in space side by side."""
 
+MOST_KNOWN = 4096
+"""Shapes whose distances from the targets are remembered: 50 MB, and eight sets of the largest budget."""
+
 _SCALARS = ("reach", "soft", "leak")
 
 Rows = NDArray[np.integer] | slice
@@ -100,11 +103,27 @@ class Targets:
 
     @cached_property
     def runs(self) -> tuple[Float64, Float64]:
-        """Bounds (k, 3) of each `RUN` rows on end, the rays' ways among them."""
-        starts = np.arange(0, len(self), RUN)
-        ends = self.points + self.ways
-        lower, upper = np.minimum(self.points, ends), np.maximum(self.points, ends)
+        """Bounds (k, 3) of each `RUN` rows on end, with the ways of rays but for those that must be free."""
+        starts, free = np.arange(0, len(self), RUN), self.passing[:, None]
+        lower, upper = np.where(free, np.inf, self._bounds[0]), np.where(free, -np.inf, self._bounds[1])
         return np.minimum.reduceat(lower, starts), np.maximum.reduceat(upper, starts)
+
+    @cached_property
+    def free_ways(self) -> tuple[NDArray[np.int64], Float64, Float64]:
+        """Rows (f,) of the ways that must be free, and their bounds (3, f)."""
+        rows = np.flatnonzero(self.passing)
+        lower, upper = (np.ascontiguousarray(bound[rows].T) for bound in self._bounds)
+        return rows, lower, upper
+
+    @property
+    def _bounds(self) -> tuple[Float64, Float64]:
+        ends = self.points + self.ways
+        return np.minimum(self.points, ends), np.maximum(self.points, ends)
+
+    @cached_property
+    def known(self) -> dict[bytes, tuple[NDArray[np.int64], Float64]]:
+        """What `near_distances` has found for the shapes asked for last, by their bytes."""
+        return {}
 
     def select(self, index: NDArray[np.generic] | slice) -> Targets:
         rows = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in _SCALARS}
@@ -147,14 +166,28 @@ def _residuals(targets: Targets, distances: Float64, rows: Rows) -> tuple[Float6
     return residual, np.sqrt(residual * residual + targets.soft**2) - targets.soft
 
 
-def near_rows(shapes: Shapes, which: int, targets: Targets, within: Float64 | float) -> NDArray[np.int64]:
-    """Rows, sorted, among which are all targets nearer to one shape than `within`: a bound for each run."""
+def near_rows(shapes: Shapes, which: int, targets: Targets, within: float) -> NDArray[np.int64]:
+    """Rows, sorted, among which are all targets nearer to one shape than `within`, and the ways it stops.
+
+    Each run has a bound, and so has each way that must be free, which may be long.
+    """
     lower, upper = targets.runs
     half = np.abs(shapes.frames[which]) @ shapes.halves[which]
-    gap = np.maximum(lower - (shapes.centers[which] + half), (shapes.centers[which] - half) - upper)
+    low, high = shapes.centers[which] - half, shapes.centers[which] + half
+    gap = np.maximum(lower - high, low - upper)
     near = np.flatnonzero((np.maximum(gap, 0.0) ** 2).sum(axis=1) < within * within)
     rows = (near[:, None] * RUN + np.arange(RUN)).ravel()
-    return rows[: np.searchsorted(rows, len(targets))]
+    rows = rows[: np.searchsorted(rows, len(targets))]
+    free, lower, upper = targets.free_ways
+    if len(free) == 0:
+        return rows
+    met = (lower[0] < high[0]) & (upper[0] > low[0])
+    for axis in (1, 2):
+        met &= (lower[axis] < high[axis]) & (upper[axis] > low[axis])
+    is_near = np.zeros(len(targets), bool)
+    is_near[rows] = True
+    is_near[free[met]] = True
+    return np.flatnonzero(is_near)
 
 
 def distances_from(shapes: Shapes, which: int, targets: Targets, rows: Rows = slice(None)) -> Float64:
@@ -177,12 +210,31 @@ def distances_from(shapes: Shapes, which: int, targets: Targets, rows: Rows = sl
     return distances
 
 
+def near_distances(shapes: Shapes, which: int, targets: Targets) -> tuple[NDArray[np.int64], Float64]:
+    """Rows (k,), sorted, of the targets nearer to one shape than `reach`, and its signed distances (k,).
+
+    They are remembered: most shapes of a set outlast a step, and candidates are on offer again and again.
+    """
+    columns = shapes.kinds, shapes.centers, shapes.frames, shapes.halves
+    key = b"".join(column[which].tobytes() for column in columns)
+    found = targets.known.pop(key, None)
+    if found is None:
+        rows = near_rows(shapes, which, targets, targets.reach)
+        distances = distances_from(shapes, which, targets, rows)
+        near = np.flatnonzero(distances < targets.reach)
+        found = rows[near], distances[near]
+        if len(targets.known) >= MOST_KNOWN:
+            del targets.known[next(iter(targets.known))]
+    targets.known[key] = found
+    return found
+
+
 def distance_table(shapes: Shapes, targets: Targets) -> Float64:
     """Signed distances (n, p) of each shape from each target, no more than `reach`."""
     table = np.full((len(shapes), len(targets)), targets.reach)
     for i in range(len(shapes)):
-        rows = near_rows(shapes, i, targets, targets.reach)
-        table[i, rows] = np.minimum(distances_from(shapes, i, targets, rows), targets.reach)
+        rows, distances = near_distances(shapes, i, targets)
+        table[i, rows] = distances
     return table
 
 
@@ -190,8 +242,8 @@ def set_distances(shapes: Shapes, targets: Targets) -> Float64:
     """Signed distance (p,) of the union from the targets, no more than `reach`."""
     distances = np.full(len(targets), targets.reach)
     for i in range(len(shapes)):
-        rows = near_rows(shapes, i, targets, targets.reach)
-        distances[rows] = np.minimum(distances[rows], distances_from(shapes, i, targets, rows))
+        rows, own = near_distances(shapes, i, targets)
+        distances[rows] = np.minimum(distances[rows], own)
     return distances
 
 

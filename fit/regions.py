@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.merge_regions import hierarchy
-from fit.objective import Targets, distances_from, near_rows, penalties
+from fit.objective import Targets, near_distances, penalties
 from fit.partition import link, partition
 from fit.round_regions import round_shapes
 from fit.scene import Float64
@@ -128,8 +128,7 @@ def _gains(candidates: Shapes, targets: Targets, current: Float64) -> tuple[Floa
     standing = penalties(targets, current)
     gains, losses = np.zeros(len(candidates)), np.zeros(len(candidates))
     for i in range(len(candidates)):
-        rows = near_rows(candidates, i, targets, targets.reach)
-        distances = distances_from(candidates, i, targets, rows)
+        rows, distances = near_distances(candidates, i, targets)
         closer = distances < current[rows]
         rows, distances = rows[closer], distances[closer]
         penalty = penalties(targets, distances, rows)
