@@ -7,16 +7,22 @@ from pathlib import Path
 
 from glb import Glb
 from scenes import SCENES
+from stage import Stage
+from stages import STAGES
 
 
 def generate(folder: Path) -> list[Path]:
-    """Writes every scene into `folder` and returns the files."""
+    """Writes every scene into `folder`, stages with their primitive sets, and returns the files."""
     files = []
     for name, fill in SCENES.items():
         scene = Glb(name)
         fill(scene)
         files.append(folder / f"{name}.glb")
         scene.write(files[-1])
+    for name, build in STAGES.items():
+        stage = Stage(name)
+        build(stage)
+        files += stage.write(folder / f"{name}.glb")
     return files
 
 

@@ -64,8 +64,16 @@ class Glb:
             self._extensions.add("KHR_materials_emissive_strength")
         return self._append("materials", material)
 
-    def part(self, name: str, material: int, shape: Shape, tile: float = 1.0) -> None:
-        """A node with one mesh; texture coordinates are metres divided by `tile`."""
+    def part(
+        self,
+        name: str,
+        material: int,
+        shape: Shape,
+        tile: float = 1.0,
+        places: Sequence[Sequence[float]] = (),
+    ) -> None:
+        """A mesh, drawn once as it is, or once at each of `places`; texture coordinates are metres divided
+        by `tile`."""
         attributes = {
             "POSITION": self._accessor(shape.positions, bounds=True),
             "NORMAL": self._accessor(shape.normals),
@@ -77,7 +85,10 @@ class Glb:
             "material": material,
         }
         mesh = self._append("meshes", {"name": name, "primitives": [primitive]})
-        self._root({"name": name, "mesh": mesh})
+        if not places:
+            self._root({"name": name, "mesh": mesh})
+        for number, place in enumerate(places):
+            self._root({"name": f"{name} {number}", "mesh": mesh, "translation": list(map(float, place))})
 
     def sun(self, name: str, towards: Sequence[float], irradiance: float) -> None:
         """A directional light; `towards` points at the sun."""

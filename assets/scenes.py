@@ -54,20 +54,6 @@ def sealed_room(scene: Glb) -> None:
     scene.camera("outside", (5, 4, 6), (0, 1.5, 0), 45)
 
 
-def two_rooms(scene: Glb) -> None:
-    """Two rooms with 10 cm between them: a lamp lights the west one, the east one is sealed and dark."""
-    white, red, blue = (
-        scene.material(n, c) for n, c in (("white", WHITE), ("red", RED), ("blue", (0.06, 0.1, 0.5)))
-    )
-    lamp = scene.material("lamp", (0.0, 0.0, 0.0), emission=(12.0, 12.0, 12.0))
-    for side, x0, x1, color in (("west", -3.05, -0.05, red), ("east", 0.05, 3.05, blue)):
-        for name, slab in zip(SLABS, _room((x0, 0, -1.5), (x1, 2.6, 1.5), 0.05), strict=True):
-            scene.part(f"{side} room, {name}", color if name == "north wall" else white, slab)
-    scene.part("lamp", lamp, quad((-1.9, 2.59, -0.35), (0.7, 0, 0), (0, 0, 0.7)))
-    scene.camera("west", (-0.3, 1.5, 1.3), (-2.5, 1.2, -1.2), 75)
-    scene.camera("east", (2.8, 1.5, 1.3), (0.6, 1.2, -1.2), 75)
-
-
 def two_colour_wall(scene: Glb) -> None:
     """A wall of 6 cm, red to the west and white to the east, on a grey floor under the noon sun."""
     grey, red, white = (scene.material(n, c) for n, c in (("grey", NEUTRAL), ("red", RED), ("white", WHITE)))
@@ -276,10 +262,8 @@ def colonnade(scene: Glb) -> None:
 SCENES: dict[str, Callable[[Glb], None]] = {
     "atrium": atrium,
     "colonnade": colonnade,
-    "cornell": cornell,
     "sealed_room": sealed_room,
     "six_solids": six_solids,
     "table": table,
-    "two_rooms": two_rooms,
     "two_colour_wall": two_colour_wall,
 }

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from runtime.device import Gpu
 from runtime.resources import Buffer, Sampler, Texture
 from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u, vec4f
+from runtime.twins import octahedral
 
 Float64 = NDArray[np.float64]
 
@@ -113,6 +114,13 @@ def check_rays(rays_per_probe: int) -> None:
     """Raises ValueError for a number of rays that workgroups do not share evenly."""
     if rays_per_probe < RAYS_AT_ONCE or rays_per_probe % RAYS_AT_ONCE:
         raise ValueError(f"rays_per_probe is {rays_per_probe}; it must be a multiple of {RAYS_AT_ONCE}")
+
+
+def texel_directions() -> Float64:
+    """Unit directions (IRRADIANCE_SIZE^2, 3) of the texels' centres of an irradiance map, row by row."""
+    y, x = np.divmod(np.arange(IRRADIANCE_SIZE**2, dtype=np.uint32), np.uint32(IRRADIANCE_SIZE))
+    sizes = np.full(len(x), IRRADIANCE_SIZE, np.uint32)
+    return octahedral.oct_texel_direction(np.stack([x, y], axis=1), sizes).astype(np.float64)
 
 
 def workgroups(count: int) -> tuple[int, int]:

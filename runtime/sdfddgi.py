@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from runtime.device import Gpu
 from runtime.encoder import Recorder
 from runtime.kernel import Kernel
-from runtime.probes import RAYS_AT_ONCE, IrradianceProbes, ProbeGrid, check_rays, workgroups
+from runtime.probes import IRRADIANCE_SIZE, RAYS_AT_ONCE, IrradianceProbes, ProbeGrid, check_rays, workgroups
 from runtime.resources import Buffer, Texture
 from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u
 from runtime.technique import FrameLight
@@ -41,7 +42,6 @@ class PlaceSettings(GpuStruct):
 
 class UpdateSettings(GpuStruct):
     probe_count: u32
-    columns: u32
     batches: u32
     fresh_factor: u32
     frame: u32
@@ -138,38 +138,77 @@ class Sdfddgi:
     def record(self, rec: Recorder, frame: FrameLight) -> None:
         """Places the probes where the world changed, updates all of them, and publishes their maps."""
         self._write_settings(frame)
-        world, probes = self.world.bindings(), self.probes
-        if self._placed_version != self.world.version:
-            self._placed_version = self.world.version
-            with rec.compute(self._place.name) as compute_pass:
-                self._place.dispatch(
-                    compute_pass,
-                    self._place.groups_for(len(self.grid)),
-                    world,
-                    settings=self._place_settings,
-                    records=probes.records,
-                    histories=self._histories,
-                )
-        groups = workgroups(len(self.grid))
+        self._record_places(rec)
         with rec.compute(self._update.name) as compute_pass:
             self._update.dispatch(
                 compute_pass,
-                groups,
-                world,
-                probes.lookup_bindings(),
+                workgroups(len(self.grid)),
+                self.world.bindings(),
+                self.probes.lookup_bindings(),
                 frame.bindings,
                 settings=self._update_settings,
                 histories=self._histories,
-                exact_irradiance=probes.exact,
+                exact_irradiance=self.probes.exact,
             )
+        self._record_publishing(rec)
+
+    def place(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """World positions (n, 3) of the probes as the primitives are now, and which are on (n,); waits for
+        the GPU."""
+        rec = Recorder(self.gpu, label="place")
+        self.world.record(rec)
+        self._record_places(rec)
+        rec.submit()
+        local, is_on = self.probes.read_records()
+        return local + self.world.origin, is_on
+
+    def fill(self, irradiance: ArrayLike) -> None:
+        """Gives the probes, where they were placed last, other irradiance than they find: E, W/m2,
+        (n, IRRADIANCE_SIZE^2, 3), for the directions `probes.texel_directions`."""
+        exact = np.ones((len(self.grid), IRRADIANCE_SIZE**2, 4), np.float32)
+        exact[..., :3] = irradiance
+        self.probes.exact.write(exact)
+        rec = Recorder(self.gpu, label="fill")
+        self._record_publishing(rec)
+        rec.submit()
+
+    def _record_places(self, rec: Recorder) -> None:
+        if self._placed_version == self.world.version:
+            return
+        self._placed_version = self.world.version
+        s, spacing = self.settings, self.grid.spacing
+        smallest = 2 * self.world.start_margin if s.smallest_clearance is None else s.smallest_clearance
+        self._place_settings.write(
+            PlaceSettings.pack(
+                lower=np.array(self.grid.lower) - self.world.origin,
+                spacing=spacing,
+                counts=np.array(self.grid.counts, np.uint32),
+                clearance=min(s.clearance * spacing, s.clearance_limit),
+                reach=s.relocation * spacing,
+                smallest_clearance=smallest,
+                jump=s.jump * spacing,
+                attraction=s.attraction * spacing,
+            )
+        )
+        with rec.compute(self._place.name) as compute_pass:
+            self._place.dispatch(
+                compute_pass,
+                self._place.groups_for(len(self.grid)),
+                self.world.bindings(),
+                settings=self._place_settings,
+                records=self.probes.records,
+                histories=self._histories,
+            )
+
+    def _record_publishing(self, rec: Recorder) -> None:
         with rec.compute(self._publish.name) as compute_pass:
             self._publish.dispatch(
                 compute_pass,
-                groups,
-                settings=self._update_settings,
-                exact_irradiance=probes.exact,
-                records=probes.records,
-                atlas=probes.atlas,
+                workgroups(len(self.grid)),
+                {"probe_grid": self.probes.info},
+                exact_irradiance=self.probes.exact,
+                records=self.probes.records,
+                atlas=self.probes.atlas,
             )
 
     def lookup_bindings(self) -> Mapping[str, Any]:
@@ -193,17 +232,15 @@ class Sdfddgi:
         )
 
     def _write_settings(self, frame: FrameLight) -> None:
-        s, spacing = self.settings, self.grid.spacing
+        s = self.settings
         versions = (self.world.version, frame.light_version)
         self._since_change = 0 if versions != self._seen_versions else self._since_change + 1
         self._seen_versions = versions
         is_settling = self._since_change < s.settling_frames
         settling_history = max(s.settling_history, s.settling_growth * self._since_change)
-        smallest = 2 * self.world.start_margin if s.smallest_clearance is None else s.smallest_clearance
         self._update_settings.write(
             UpdateSettings.pack(
                 probe_count=len(self.grid),
-                columns=self.grid.columns,
                 batches=s.rays_per_probe // RAYS_AT_ONCE,
                 fresh_factor=s.fresh_factor,
                 frame=frame.index,
@@ -212,17 +249,5 @@ class Sdfddgi:
                 reach=s.max_ray_distance,
                 most_frames=settling_history if is_settling else s.history_frames,
                 forget_drift=int(is_settling),
-            )
-        )
-        self._place_settings.write(
-            PlaceSettings.pack(
-                lower=np.array(self.grid.lower) - self.world.origin,
-                spacing=spacing,
-                counts=np.array(self.grid.counts, np.uint32),
-                clearance=min(s.clearance * spacing, s.clearance_limit),
-                reach=s.relocation * spacing,
-                smallest_clearance=smallest,
-                jump=s.jump * spacing,
-                attraction=s.attraction * spacing,
             )
         )

@@ -35,6 +35,7 @@ class Picture:
 
     beauty: Estimate
     direct: Float64
+    notes: tuple[str, ...] = ()
 
     @property
     def indirect(self) -> Float64:
@@ -88,7 +89,7 @@ class Reference:
         direct = np.zeros_like(beauty.value)
         for lamp in self._lamps:
             direct += self._render(lamp, sensor, 1, seed)
-        return Picture(beauty, direct)
+        return Picture(beauty, direct, self.notes)
 
     def irradiance(
         self,

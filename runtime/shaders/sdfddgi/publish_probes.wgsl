@@ -6,13 +6,13 @@
 // what irradiance has; taken out first, that part is exact.
 
 import package::lib::octahedral::{oct_texel_direction, oct_tile_corner, oct_tile_source};
+import package::probes::grid::{probe_grid};
 import package::probes::maps::{IRRADIANCE_SIZE, IRRADIANCE_TILE};
-import package::structs::{ProbeRecord, UpdateSettings};
+import package::structs::{ProbeRecord};
 
-@group(0) @binding(0) var<uniform> settings: UpdateSettings;
-@group(0) @binding(1) var<storage, read> exact_irradiance: array<vec4f>;
-@group(0) @binding(2) var<storage, read_write> records: array<ProbeRecord>;
-@group(0) @binding(3) var atlas: texture_storage_2d<rgba16float, write>;
+@group(0) @binding(0) var<storage, read> exact_irradiance: array<vec4f>;
+@group(0) @binding(1) var<storage, read_write> records: array<ProbeRecord>;
+@group(0) @binding(2) var atlas: texture_storage_2d<rgba16float, write>;
 
 const THREADS: u32 = IRRADIANCE_SIZE * IRRADIANCE_SIZE;
 
@@ -45,7 +45,8 @@ fn main(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let probe = group.x + group.y * groups.x;
-    if probe >= settings.probe_count {
+    let counts = probe_grid.counts;
+    if probe >= counts.x * counts.y * counts.z {
         return;
     }
     if records[probe].position.w < 0.0 {
@@ -67,7 +68,7 @@ fn main(
     }
     let scale = max(largest.x, max(largest.y, largest.z));
     let inverse = select(0.0, 1.0 / scale, scale > 0.0);
-    let corner = oct_tile_corner(probe, settings.columns, IRRADIANCE_SIZE);
+    let corner = oct_tile_corner(probe, probe_grid.columns, IRRADIANCE_SIZE);
     for (var i = thread; i < IRRADIANCE_TILE * IRRADIANCE_TILE; i += THREADS) {
         let place = vec2u(i % IRRADIANCE_TILE, i / IRRADIANCE_TILE);
         let source = oct_tile_source(place, IRRADIANCE_SIZE);
