@@ -184,6 +184,8 @@ def render_scene(
     size: str = "640x360",
     frames: int = render.DEFAULT_FRAMES,
     view: str = "final",
+    samples: int = render.DEFAULT_SAMPLES,
+    noise: float | None = None,
     json: Annotated[bool, Flag] = False,
 ) -> int:
     """Render a glTF scene, lit through its primitives.
@@ -197,7 +199,9 @@ def render_scene(
     set_
         The scene's primitives, from convert; without it the scene is converted first.
     gi
-        The global illumination technique; none shows direct light alone.
+        The global illumination technique; none shows direct light alone. reference path traces the mesh
+        with Mitsuba (pip install 'sdfprim[reference]'), reference-gpu with the runtime: the truth, to compare
+        with. References are kept in the user's cache folder.
     camera
         A camera's name or number in the file, a named view, or x,y,z,tx,ty,tz,fov.
     sun
@@ -220,14 +224,19 @@ def render_scene(
         What to show: final, direct, indirect, irradiance, albedo, normal, depth, sdf-steps, mesh, primitives,
         blend (the set over the mesh; red where it blocks light, blue where it leaks), side-by-side (those
         three in one picture), ...
+    samples
+        Of a reference: paths for each pixel.
+    noise
+        Of a reference: end once the mean absolute noise is this share of the mean, such as 0.02.
     json
         Print the report as JSON.
     """
     terminal = Terminal(json)
     lighting = render.LightingOptions(sun, sky, lights == "file")
     settings = render.PictureSettings(
-        scene, output, set_, gi, camera, lighting, exposure, scale, aov, parse_size(size), frames, view
-    )
+        scene, output, set_, gi, camera, lighting, exposure, scale, aov, parse_size(size), frames, view,
+        samples, noise,
+    )  # fmt: skip
     with terminal.progress() as update:
         report = render.run(settings, update)
     terminal.result(report, lambda: render.show(report, terminal))

@@ -23,7 +23,12 @@ if TYPE_CHECKING:
     from fit.spaces import Air
     from runtime.renderer import Result
 
-Technique = Literal["sdfddgi", "ddgi", "none"]
+Technique = Literal["sdfddgi", "ddgi", "none", "reference", "reference-gpu"]
+
+REFERENCES = ("reference", "reference-gpu")
+"""Path tracers of the mesh itself: Mitsuba's, and the runtime's."""
+
+DEFAULT_SAMPLES = 64
 
 CONVERT_SHARE = 0.4
 """Share of the progress bar that a conversion takes when it comes first."""
@@ -32,7 +37,11 @@ CONVERT_SHARE = 0.4
 @dataclass(frozen=True)
 class PictureSettings:
     """What `render` was asked for; `size` in pixels, `exposure` in stops. A view that shows no light takes
-    one frame and no technique, whatever `frames` and `gi` say."""
+    one frame and no technique, whatever `frames` and `gi` say.
+
+    samples, noise: of a reference, paths a pixel, and the mean absolute noise, a share of the mean, at which
+    to end before.
+    """
 
     scene: Path
     output: Path
@@ -46,6 +55,8 @@ class PictureSettings:
     size: tuple[int, int] = (640, 360)
     frames: int = DEFAULT_FRAMES
     view: str = "final"
+    samples: int = DEFAULT_SAMPLES
+    noise: float | None = None
 
 
 def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
@@ -54,16 +65,23 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
     Raises:
         UsageError: a file, camera or view is not there.
         NoAdapter: there is no GPU.
+        MissingMitsuba: it is asked for and not installed.
         ValueError: a file can't be read; the message says which and why.
     """
     from fit import gltf
 
     check(settings)
+    if settings.gi == "reference":
+        from pipelines.reference.mitsuba import load_mitsuba
+
+        load_mitsuba()
     if settings.view in UNLIT and not settings.aov:
         settings = replace(settings, gi="none", frames=1)
     progress("load", 0.0)
     scene = gltf.load(settings.scene, scale=settings.scale)
     studio = Studio.set_up(scene, settings.camera, settings.lighting, settings.size, settings.exposure)
+    if settings.gi in REFERENCES:
+        return _run_reference(settings, studio, progress)
     primitives, air, source = _primitives(settings, scene, progress)
     if air is None and studio.view.made_up:
         air = _air(scene, progress)
@@ -88,6 +106,29 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
     )
 
 
+def _run_reference(settings: PictureSettings, studio: Studio, progress: Update) -> dict[str, Any]:
+    """The same of the path-traced mesh."""
+    from pipelines.gi_errors.truth import TruthSettings
+    from pipelines.reference_picture import render_reference
+
+    if studio.view.made_up and (air := _air(studio.scene, progress)) is not None:
+        studio = studio.moved_inside(air)
+    began = time.perf_counter()
+    assert settings.gi in REFERENCES
+    truth = TruthSettings(settings.gi, settings.samples, settings.noise)  # type: ignore[arg-type]
+    views = (settings.view, *(AOV_LAYERS if settings.aov else ()))
+    picture = render_reference(studio, truth, views, progress)
+    seconds = time.perf_counter() - began
+    write_picture(settings, picture.result)
+    return (
+        report_header("render", settings, seed=truth.seed)
+        | studio.describe()
+        | {"set": None, "gi": settings.gi, "view": settings.view, "frames": 0}
+        | {"notes": list(picture.result.notes), "picture": settings.output, "seconds": round(seconds, 3)}
+        | {"timed_frames": 0, "passes_ms": {}, "reference": picture.describe()}
+    )
+
+
 def check(settings: PictureSettings) -> None:
     """Raises UsageError for what can be seen to be wrong before any work is done."""
     require_file(settings.scene)
@@ -105,11 +146,19 @@ def check(settings: PictureSettings) -> None:
         raise UsageError(f"-o {settings.output}: nothing may be written there; name another file")
     if settings.frames < 1:
         raise UsageError(f"--frames {settings.frames}: give at least 1")
+    if settings.samples < 2:
+        raise UsageError(f"--samples {settings.samples}: give at least 2, so that the noise can be told")
+    if settings.noise is not None and not 0 < settings.noise < float("inf"):
+        raise UsageError(f"--noise {settings.noise}: give a share of the mean above zero, such as 0.02")
+    if settings.gi in REFERENCES and settings.primitives is not None:
+        raise UsageError(f"--set {settings.primitives}: --gi {settings.gi} lights the mesh and needs no set")
     if not 0 < settings.scale < float("inf"):
         raise UsageError(f"--scale {settings.scale}: give a number above zero")
     if not np.isfinite(settings.exposure):
         raise UsageError(f"--exposure {settings.exposure}: give a finite number of stops")
     is_technique_view = "/" in settings.view  # those are known when the technique runs
+    if settings.gi in REFERENCES and is_technique_view:
+        raise UsageError(f"--view {settings.view}: --gi {settings.gi} has no such view")
     if settings.view not in VIEWS and not is_technique_view:
         raise UsageError(f"--view {settings.view}: there is no such view; there are {', '.join(VIEWS)}")
 
@@ -163,9 +212,15 @@ def show(report: dict[str, Any], terminal: Terminal) -> None:
         terminal.line(f"light    {line}")
     for line in report["notes"]:
         terminal.line(f"note     {line}")
-    origin = report["set"]["file"] or "converted just now, because no --set was given"
-    terminal.line(f"set      {report['set']['primitives']} primitives, {origin}")
-    show_passes(report["passes_ms"], report["timed_frames"], terminal)
+    if report["set"] is None:
+        reference = report["reference"]
+        terminal.line(
+            f"traced   {reference['samples']} paths a pixel, noise {reference['noise']:.2%} of the mean"
+        )
+    else:
+        origin = report["set"]["file"] or "converted just now, because no --set was given"
+        terminal.line(f"set      {report['set']['primitives']} primitives, {origin}")
+        show_passes(report["passes_ms"], report["timed_frames"], terminal)
     terminal.line(f"wrote    {report['picture']}")
 
 

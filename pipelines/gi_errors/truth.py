@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.primitives import PrimitiveSet
-from fit.scene import Float64, Scene
+from fit.scene import Camera, Float64, Scene
 from pipelines.reference import mesh_reference, primitive_reference
 from pipelines.reference.mitsuba import load_mitsuba
-from pipelines.reference.store import cached_estimate, digest
+from pipelines.reference.store import cached, digest, estimate_arrays, estimate_of
 from pipelines.reference.triangulate import triangulate
+from pipelines.reference.truth import Picture
 from runtime.device import Gpu
 from runtime.estimate import Estimate
 from runtime.lights import Illumination
@@ -75,6 +76,24 @@ class Truth:
         geometry = digest(replace(scene, source=Path()))
         return self._kept(lambda: self._mesh_tracer(scene), geometry, points, normals, progress)
 
+    def picture(
+        self, scene: Scene, camera: Camera, size: tuple[int, int], progress: Progress | None = None
+    ) -> Picture:
+        """What Mitsuba sees through a camera. Errors as `of_mesh`."""
+        s = self.settings
+
+        def measure() -> dict[str, NDArray[Any]]:
+            picture = mesh_reference(scene, self.illumination).picture(
+                camera, size, samples=s.samples, target=s.noise, seed=s.seed, progress=progress
+            )
+            notes = np.array(picture.notes, np.str_)
+            return estimate_arrays(picture.beauty) | {"direct": picture.direct, "notes": notes}
+
+        geometry = digest(replace(scene, source=Path()))
+        parts = ("picture", REVISION, self._version(), geometry, self.illumination, camera, size, s)
+        arrays, _ = cached(parts, measure)
+        return Picture(estimate_of(arrays), arrays["direct"], tuple(arrays["notes"].tolist()))
+
     def of_primitives(
         self,
         primitives: PrimitiveSet,
@@ -112,7 +131,7 @@ class Truth:
                 points, normals, samples=s.samples, target=s.noise, seed=s.seed, progress=progress
             )
 
-        return cached_estimate(parts, measure)[0]
+        return estimate_of(cached(parts, lambda: estimate_arrays(measure()))[0])
 
     def _version(self) -> str:
         """Of the engine: another one has other noise."""

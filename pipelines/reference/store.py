@@ -40,15 +40,15 @@ def cache_folder() -> Path:
     return Path(platformdirs.user_cache_dir("sdfprim")) / "reference"
 
 
-def cached_estimate(parts: Any, make: Callable[[], Estimate]) -> tuple[Estimate, bool]:
-    """`cached` for a measurement with its noise."""
-    arrays, was_kept = cached(parts, lambda: _arrays(make()))
-    first, second, error = (arrays[name] for name in ("first", "second", "standard_error"))
-    return Estimate(arrays["value"], first, second, error, int(arrays["samples"])), was_kept
-
-
-def _arrays(estimate: Estimate) -> Arrays:
+def estimate_arrays(estimate: Estimate) -> Arrays:
+    """A measurement with its noise, as it is kept."""
     return {field.name: np.asarray(getattr(estimate, field.name)) for field in fields(estimate)}
+
+
+def estimate_of(arrays: Arrays) -> Estimate:
+    """The measurement that was kept so."""
+    first, second, error = (arrays[name] for name in ("first", "second", "standard_error"))
+    return Estimate(arrays["value"], first, second, error, int(arrays["samples"]))
 
 
 def cached(parts: Any, make: Callable[[], Arrays]) -> tuple[Arrays, bool]:
