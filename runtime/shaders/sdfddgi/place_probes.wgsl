@@ -16,8 +16,12 @@ import package::world::bindings::{world, world_shape};
 const PLACE_STEPS: u32 = 12u;
 const OFF: f32 = -1.0;
 
-// Position and distance to the nearest primitive.
-fn place_probe(start: vec3f) -> vec4f {
+// Of the spacing: so far into the grid a node is moved before it ascends. One that lies on a face or an edge, as all
+// outermost ones of a grid over a room do, else goes to either side, and those behind the wall serve nobody.
+const PLACE_INWARD: f32 = 0.01;
+
+// Position and distance to the nearest primitive. inward: towards the middle of the grid, by signs.
+fn place_probe(start: vec3f, inward: vec3f) -> vec4f {
     var position = start;
     var nearest = nearest_primitive(position);
     var best = vec4f(position, nearest.distance);
@@ -29,6 +33,10 @@ fn place_probe(start: vec3f) -> vec4f {
         if trace_visibility(position, uphill, settings.spacing) > 0.0 {
             return vec4f(position - uphill * surplus, settings.clearance);
         }
+    }
+    if nearest.distance < settings.clearance {
+        position += inward * (PLACE_INWARD * settings.spacing);
+        nearest = nearest_primitive(position);
     }
     for (var step = 0u; step < PLACE_STEPS && nearest.distance < settings.clearance; step++) {
         let uphill = shape_gradient(world_shape(nearest.primitive), position);
@@ -50,7 +58,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let node = vec3u(id.x % counts.x, (id.x / counts.x) % counts.y, id.x / (counts.x * counts.y));
-    let place = place_probe(settings.lower + vec3f(node) * settings.spacing);
+    let inward = sign(vec3f(counts - 1u) - 2.0 * vec3f(node));
+    let place = place_probe(settings.lower + vec3f(node) * settings.spacing, inward);
     let before = records[id.x].position;
     if place.w < min(settings.clearance, settings.smallest_clearance) {
         records[id.x].position = vec4f(place.xyz, OFF);
