@@ -6,7 +6,8 @@ After a change: `python -m runtime.structs`.
 from __future__ import annotations
 
 from runtime.camera import Frame
-from runtime.ddgi import DdgiInfo, DdgiUpdate, RelocateSettings
+from runtime.cascades import DdgiCascade, DdgiInfo
+from runtime.ddgi import DdgiUpdate, RelocateSettings
 from runtime.lights import Light, Lighting
 from runtime.meshes import Instance, SurfaceMaterial
 from runtime.path_tracer import PathSettings
@@ -37,6 +38,7 @@ STRUCTS: tuple[type[GpuStruct], ...] = (
     PlaceSettings,
     UpdateSettings,
     ProbeHistory,
+    DdgiCascade,
     DdgiInfo,
     RelocateSettings,
     DdgiUpdate,

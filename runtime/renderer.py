@@ -158,7 +158,10 @@ class Renderer:
         rec = Recorder(self.gpu, self._timer)
         self.world.record(rec)
         self._lights.record(rec)
-        self.technique.record(rec, FrameLight(self._index, self._frame_bindings(), self._light_version))
+        viewer = camera.world_from_local[:3, 3]
+        self.technique.record(
+            rec, FrameLight(self._index, self._frame_bindings(), self._light_version, viewer)
+        )
         if not only_light:
             self._draw_gbuffer.record(rec, self.meshes, self.gbuffer, self._frame_bindings())
             self._direct.record(rec, self.gbuffer, self.world.bindings(), self._frame_bindings())

@@ -18,6 +18,7 @@ from runtime.structs import GpuStruct, u32
 from runtime.world import World
 
 Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
 
 TECHNIQUES: Mapping[str, str] = {
     "sdfddgi": "runtime.sdfddgi:Sdfddgi",
@@ -37,12 +38,13 @@ class FrameLight:
 
     index: number of the frame, for random numbers. bindings: group 3 of the kernels (sky, lights, shadow
     maps), bound by name. light_version: a number that changes whenever a light or the sky does, so that
-    history can be dropped.
+    history can be dropped. viewer: where the camera stands (3,), world space; None where there is none.
     """
 
     index: int
     bindings: Mapping[str, Any] = field(default_factory=dict)
     light_version: int = 0
+    viewer: Float64 | None = None
 
 
 class Technique(Protocol):

@@ -145,37 +145,52 @@ struct ProbeHistory {  // 24 bytes
     peak: f32,     // 20
 }
 
-struct DdgiInfo {  // 16 bytes
-    normal_bias: f32,  // 0
-    view_bias: f32,    // 4
-    farthest: f32,     // 8
-    gamma: f32,        // 12
+struct DdgiCascade {  // 48 bytes
+    lower: vec3f,     // 0
+    spacing: f32,     // 12
+    counts: vec3u,    // 16
+    first: u32,       // 28
+    turn: vec3u,      // 32
+    visibility: f32,  // 44
 }
 
-struct RelocateSettings {  // 28 bytes
-    probe_count: u32,    // 0
-    is_first: u32,       // 4
-    may_sleep: u32,      // 8
-    clearance: f32,      // 12
-    reach: f32,          // 16
-    reach_of_rays: f32,  // 20
-    jump: f32,           // 24
+struct DdgiInfo {  // 416 bytes
+    cascades: array<DdgiCascade, 8>,  // 0
+    cascade_count: u32,               // 384
+    columns: u32,                     // 388
+    normal_bias: f32,                 // 392
+    view_bias: f32,                   // 396
+    farthest: f32,                    // 400
+    gamma: f32,                       // 404
 }
 
-struct DdgiUpdate {  // 64 bytes
+struct RelocateSettings {  // 64 bytes
+    kept_lower: vec3u,   // 0
+    cascade: u32,        // 12
+    kept_upper: vec3u,   // 16
+    probe_count: u32,    // 28
+    may_sleep: u32,      // 32
+    clearance: f32,      // 36
+    reach: f32,          // 40
+    reach_of_rays: f32,  // 44
+    jump: f32,           // 48
+}
+
+struct DdgiUpdate {  // 80 bytes
     rotation: vec4f,         // 0
-    probe_count: u32,        // 16
-    columns: u32,            // 20
-    rays: u32,               // 24
-    hysteresis: f32,         // 28
-    hysteresis_drop: f32,    // 32
-    change_clear: f32,       // 36
-    change_altogether: f32,  // 40
-    gamma: f32,              // 44
-    distance_exponent: f32,  // 48
-    farthest: f32,           // 52
-    reach: f32,              // 56
-    bounce: f32,             // 60
+    first_probe: u32,        // 16
+    probe_count: u32,        // 20
+    columns: u32,            // 24
+    rays: u32,               // 28
+    hysteresis: f32,         // 32
+    hysteresis_drop: f32,    // 36
+    change_clear: f32,       // 40
+    change_altogether: f32,  // 44
+    gamma: f32,              // 48
+    distance_exponent: f32,  // 52
+    farthest: f32,           // 56
+    reach: f32,              // 60
+    bounce: f32,             // 64
 }
 
 struct TriangleInfo {  // 8 bytes

@@ -91,13 +91,15 @@ class Stage:
         self._lights.set(lights)
         self._light_version = 0
         self._frame = 0
+        self.viewer: Any = None
 
     def run(self, frames: int = 1) -> Stage:
         for _ in range(frames):
             rec = Recorder(self._gpu)
             self.world.record(rec)
             bindings = {**self._sky.bindings(), **self._lights.bindings()}
-            self.technique.record(rec, FrameLight(self._frame, bindings, self._light_version))
+            frame = FrameLight(self._frame, bindings, self._light_version, self.viewer)
+            self.technique.record(rec, frame)
             rec.submit()
             self._frame += 1
         return self

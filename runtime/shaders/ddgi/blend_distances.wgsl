@@ -1,6 +1,7 @@
 // Blends the distances of this frame's rays into the mean and mean square of each direction (Majercik et al. 2019,
 // section 4.1), by a cosine to a high power, and writes the map that lookups filter.
 
+import package::ddgi::states::{PROBE_FRESH};
 import package::lib::octahedral::{oct_texel_direction, oct_tile_corner, oct_tile_source};
 import package::lib::quaternion::{quat_rotate};
 import package::lib::random::{spherical_fibonacci};
@@ -28,8 +29,9 @@ fn main(
     @builtin(local_invocation_id) texel: vec3u,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    let probe = min(group.x + group.y * groups.x, settings.probe_count - 1u);
-    let is_off = states[probe].w < 1.0 || group.x + group.y * groups.x >= settings.probe_count;
+    let traced = min(group.x + group.y * groups.x, settings.probe_count - 1u);
+    let probe = settings.first_probe + traced;
+    let is_off = states[probe].w < PROBE_FRESH || group.x + group.y * groups.x >= settings.probe_count;
     let normal = oct_texel_direction(texel.xy, DISTANCE_SIZE);
     var sums = vec2f(0.0);
     var weights = 0.0;
@@ -37,7 +39,7 @@ fn main(
         let ray = first + thread;
         if ray < settings.rays {
             direction_of[thread] = quat_rotate(settings.rotation, spherical_fibonacci(ray, settings.rays));
-            distance_of[thread] = min(probe_rays[probe * settings.rays + ray].w / settings.farthest, 1.0);
+            distance_of[thread] = min(probe_rays[traced * settings.rays + ray].w / settings.farthest, 1.0);
         }
         workgroupBarrier();
         for (var i = 0u; i < min(THREADS, settings.rays - first); i++) {

@@ -2,6 +2,7 @@
 // detection: Majercik et al. 2021, section 4), and writes the map that lookups filter. Irradiance is kept as its
 // gamma-th root, in which a blend looks even and a lamp that went out is gone soon.
 
+import package::ddgi::states::{PROBE_FRESH, PROBE_ON};
 import package::lib::octahedral::{oct_texel_direction, oct_tile_corner, oct_tile_source};
 import package::lib::quaternion::{quat_rotate};
 import package::lib::random::{PI, spherical_fibonacci};
@@ -9,7 +10,7 @@ import package::probes::maps::{IRRADIANCE_SIZE, IRRADIANCE_TILE};
 import package::structs::{DdgiUpdate};
 
 @group(0) @binding(0) var<uniform> settings: DdgiUpdate;
-@group(0) @binding(1) var<storage, read> states: array<vec4f>;
+@group(0) @binding(1) var<storage, read_write> states: array<vec4f>;
 @group(0) @binding(2) var<storage, read_write> histories: array<u32>;
 @group(0) @binding(3) var<storage, read> probe_rays: array<vec4f>;
 @group(0) @binding(4) var<storage, read_write> encoded: array<vec4f>;
@@ -42,15 +43,16 @@ fn main(
     @builtin(local_invocation_id) texel: vec3u,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    let probe = min(group.x + group.y * groups.x, settings.probe_count - 1u);
-    let is_off = states[probe].w < 1.0 || group.x + group.y * groups.x >= settings.probe_count;
+    let traced = min(group.x + group.y * groups.x, settings.probe_count - 1u);
+    let probe = settings.first_probe + traced;
+    let is_off = states[probe].w < PROBE_FRESH || group.x + group.y * groups.x >= settings.probe_count;
     let normal = oct_texel_direction(texel.xy, IRRADIANCE_SIZE);
     var gathered = vec3f(0.0);
     var cosines = 0.0;
     for (var first = 0u; first < settings.rays; first += THREADS) {
         let ray = first + thread;
         direction_of[thread] = quat_rotate(settings.rotation, spherical_fibonacci(ray, settings.rays));
-        radiance_of[thread] = probe_rays[probe * settings.rays + ray].rgb;
+        radiance_of[thread] = probe_rays[traced * settings.rays + ray].rgb;
         workgroupBarrier();
         for (var i = 0u; i < THREADS; i++) {
             let cosine = max(dot(normal, direction_of[i]), 0.0);
@@ -80,5 +82,6 @@ fn main(
     }
     if thread == 0u {
         histories[probe] = min(history + 1u, 65535u);
+        states[probe].w = PROBE_ON;
     }
 }

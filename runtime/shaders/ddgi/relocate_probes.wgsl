@@ -3,8 +3,9 @@
 // that is too near to a front goes towards where most room is; one with room to spare returns to its node. Small steps,
 // a few frames long.
 
+import package::ddgi::cascades::{cascade_place, ddgi};
+import package::ddgi::states::{PROBE_ASLEEP, PROBE_FRESH, PROBE_INSIDE, PROBE_ON};
 import package::lib::random::{spherical_fibonacci};
-import package::probes::grid::{probe_grid};
 import package::structs::{RelocateSettings};
 import package::tracer::clearances::{signed_clearance};
 
@@ -13,10 +14,6 @@ import package::tracer::clearances::{signed_clearance};
 @group(0) @binding(2) var<storage, read_write> histories: array<u32>;
 
 const RAYS: u32 = 32u;
-
-const PROBE_ON: f32 = 1.0;
-const PROBE_ASLEEP: f32 = 0.5;
-const PROBE_INSIDE: f32 = 0.0;
 
 // Share of rays that end at backs above which a probe is inside.
 const MOST_BACKS: f32 = 0.25;
@@ -33,12 +30,12 @@ struct Surroundings {
     far: u32,
 }
 
-fn surroundings() -> Surroundings {
+fn surroundings(spacing: f32) -> Surroundings {
     var found = Surroundings(false, false, 0u, 0u, 0u);
     var backs = 0u;
     for (var i = 0u; i < RAYS; i++) {
         let reached = abs(spherical_fibonacci(i, RAYS) * distances[i]);
-        found.sees_surface = found.sees_surface || all(reached <= vec3f(probe_grid.spacing));
+        found.sees_surface = found.sees_surface || all(reached <= vec3f(spacing));
         if distances[i] < 0.0 {
             backs++;
             found.back = select(found.back, i, distances[found.back] >= 0.0 || distances[i] > distances[found.back]);
@@ -74,16 +71,17 @@ fn main(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    let probe = min(group.x + group.y * groups.x, settings.probe_count - 1u);
-    let counts = probe_grid.counts;
-    let cell = vec3u(probe % counts.x, (probe / counts.x) % counts.y, probe / (counts.x * counts.y));
-    let node = probe_grid.lower + vec3f(cell) * probe_grid.spacing;
-    let place = select(states[probe].xyz, node, settings.is_first != 0u);
+    let cascade = ddgi.cascades[settings.cascade];
+    let probe = cascade.first + min(group.x + group.y * groups.x, settings.probe_count - 1u);
+    let in_grid = cascade_place(cascade, probe);
+    let node = cascade.lower + vec3f(in_grid) * cascade.spacing;
+    let is_new = any(in_grid < settings.kept_lower) || any(in_grid >= settings.kept_upper);
+    let place = select(states[probe].xyz, node, is_new);
     let direction = spherical_fibonacci(thread, RAYS);
     distances[thread] = signed_clearance(place, direction, settings.reach_of_rays);
     workgroupBarrier();
     if thread == 0u {
-        moved = relocated(node, place, surroundings());
+        moved = relocated(node, place, surroundings(cascade.spacing));
     }
     workgroupBarrier();
     distances[thread] = signed_clearance(moved, direction, settings.reach_of_rays);
@@ -91,13 +89,13 @@ fn main(
     if thread > 0u || group.x + group.y * groups.x >= settings.probe_count {
         return;
     }
-    let seen = surroundings();
+    let seen = surroundings(cascade.spacing);
     var state = select(PROBE_ON, PROBE_INSIDE, seen.is_inside);
     if state == PROBE_ON && !seen.sees_surface && settings.may_sleep != 0u {
         state = PROBE_ASLEEP;
     }
-    if settings.is_first != 0u || states[probe].w != state || distance(moved, place) > settings.jump {
+    if is_new || (states[probe].w == PROBE_ON) != (state == PROBE_ON) || distance(moved, place) > settings.jump {
         histories[probe] = 0u;
     }
-    states[probe] = vec4f(moved, state);
+    states[probe] = vec4f(moved, select(state, PROBE_FRESH, state == PROBE_ON && histories[probe] == 0u));
 }

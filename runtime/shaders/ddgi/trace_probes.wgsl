@@ -1,7 +1,8 @@
 // Radiance and distance along the rays of every probe (Majercik et al. 2019, section 4.1): what the hit emits and
 // reflects of direct light and of the last frame's probes, or the sky. Every frame turns the set of directions.
 
-import package::ddgi::lookup::{PROBE_ON, gi_irradiance, probe_states};
+import package::ddgi::lookup::{gi_irradiance, probe_states};
+import package::ddgi::states::{PROBE_FRESH};
 import package::lib::brdf::{brdf_lambert};
 import package::lib::quaternion::{quat_rotate};
 import package::lib::random::{PI, spherical_fibonacci};
@@ -35,8 +36,8 @@ fn main(
     if probe >= settings.probe_count {
         return;
     }
-    let position = probe_states[probe];
-    if position.w < PROBE_ON {
+    let position = probe_states[settings.first_probe + probe];
+    if position.w < PROBE_FRESH {
         return;
     }
     let ray = 64u * group.z + thread;
