@@ -70,11 +70,10 @@ def _by_runtime(
     pixels = Pixels.of(studio)
     estimate = _irradiance(studio, truth, pixels, progress)
     final = pixels.radiance(estimate.value)
-    direct = studio.render(PrimitiveSet.empty(), "none", 1, ("direct",)).images["direct"]
     layers = {
         "final": final,
-        "direct": np.asarray(direct, np.float64),
-        "indirect": final - direct,
+        "direct": pixels.direct,
+        "indirect": final - pixels.direct,
         "irradiance": pixels.image(estimate.value),
     }
     return ReferencePicture(_result(studio, views, layers, ()), estimate.samples, estimate.noise)

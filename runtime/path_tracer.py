@@ -76,11 +76,9 @@ class PathTracer:
 
         target: mean absolute noise, a share of the mean, at which to end before `samples`.
         """
-        rows = np.zeros((len(np.asarray(points)), 2, 4), np.float32)
+        rows = self._rows(points, normals)
         if len(rows) == 0:
             return Estimate.of_nothing()
-        rows[:, 0, :3] = np.asarray(points, np.float64) - self.origin
-        rows[:, 1, :3] = normals
         buffer = Buffer(self.gpu, rows, label="points")
         halves = [Buffer(self.gpu, np.zeros((len(rows), 4), np.float32), label="sums") for _ in range(2)]
         done = 0
@@ -96,6 +94,34 @@ class PathTracer:
                 if _summary(halves, len(rows), done).noise <= target:
                     break
         return _summary(halves, len(rows), done)
+
+    def direct(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float64]:
+        """Direct E (n, 3), W/m2, of all lamps at world points (n, 3) with unit normals (n, 3)."""
+        rows = self._rows(points, normals)
+        if len(rows) == 0:
+            return np.zeros((0, 3))
+        kernel = Kernel(self.gpu, "paths/gather_lamps", aliases={"tracer": self.tracer.folder})
+        irradiance = Buffer(self.gpu, 16 * len(rows), label="direct irradiance")
+        rec = Recorder(self.gpu, label="lamps")
+        with rec.compute(kernel.name) as compute_pass:
+            kernel.dispatch(
+                compute_pass,
+                kernel.groups_for(len(rows)),
+                self.tracer.bindings(),
+                self._lights.bindings(),
+                points=Buffer(self.gpu, rows, label="points"),
+                irradiance=irradiance,
+            )
+        rec.submit()
+        return irradiance.read(np.float32, (len(rows), 4))[:, :3].astype(np.float64)
+
+    def _rows(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
+        """Local positions and normals (n, 2, 4) as the kernels read them."""
+        rows = np.zeros((len(np.asarray(points)), 2, 4), np.float32)
+        if len(rows):
+            rows[:, 0, :3] = np.asarray(points, np.float64) - self.origin
+            rows[:, 1, :3] = normals
+        return rows
 
     def _add(self, points: Buffer, sums: Buffer, count: int, first: int, seed: int) -> None:
         row = min(count, ROW)
