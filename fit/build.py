@@ -45,7 +45,9 @@ MOVED_SHARE = 1 / 10
 EVALUATIONS = 60
 """Of the error, in one pass of the refinement."""
 
-STEPS = ("parts", "growing", "regions", "bodies", "refinement", "merging", "splitting", "teleportation")
+STEPS = (
+    "parts", "growing", "regions", "bodies", "refinement", "merging", "splitting", "teleportation", "closing",
+)  # fmt: skip
 """The optional steps in the order in which they join; `bench fit` leaves some out to see what each brings."""
 
 

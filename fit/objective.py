@@ -33,7 +33,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.scene import Float64
-from fit.shapes import Shapes, cross, distances_to_one
+from fit.shapes import Shapes, distances_to_one
+from fit.spans import cross
 
 STICKS_OUT = 1.3
 """Error of a set nearer than the surface (it darkens the air) against one that is farther (it leaks)."""

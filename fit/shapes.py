@@ -101,28 +101,6 @@ def distances_to_one(shapes: Shapes, which: int, points: Float64) -> Float64:
     return distances
 
 
-def cross(shapes: Shapes, which: int, starts: Float64, ways: Float64) -> NDArray[np.bool_]:
-    """Whether the segments (p,) from `starts` along `ways` (p, 3) pass through the inside of one shape."""
-    kind, halves = shapes.kinds[which], shapes.halves[which]
-    at, toward = shapes.frames[which].T @ (starts - shapes.centers[which]).T, shapes.frames[which].T @ ways.T
-    enter, leave = np.zeros(len(starts)), np.ones(len(starts))
-    for axis in {Kind.SPHERE: (), Kind.CYLINDER: (1,)}.get(Kind(kind), (0, 1, 2)):
-        way = np.where(toward[axis] == 0, np.finfo(float).tiny, toward[axis])
-        with np.errstate(over="ignore"):
-            one, other = (-halves[axis] - at[axis]) / way, (halves[axis] - at[axis]) / way
-        enter, leave = np.maximum(enter, np.minimum(one, other)), np.minimum(leave, np.maximum(one, other))
-    if kind in (Kind.SPHERE, Kind.CYLINDER):
-        rows = [0, 1, 2] if kind == Kind.SPHERE else [0, 2]
-        at, toward = at[rows], toward[rows]
-        square = np.maximum((toward * toward).sum(axis=0), np.finfo(float).tiny)
-        middle = -(at * toward).sum(axis=0) / square
-        nearest = at + middle * toward
-        room = (halves[0] ** 2 - (nearest * nearest).sum(axis=0)) / square
-        reach = np.sqrt(np.maximum(room, 0.0))
-        enter, leave = np.maximum(enter, middle - reach), np.minimum(leave, middle + reach)
-    return enter < leave
-
-
 def pair_derivatives(shapes: Shapes, points: Float64, index: Index) -> Float64:
     """Derivative (9, p) of the signed distance of each pair by the parameters of its shape.
 

@@ -24,6 +24,7 @@ from fit.canonical import (
     world_primitives,
     world_surface,
 )
+from fit.close import close_leaks, draw_lines
 from fit.color import color
 from fit.fit_parts import fit_parts
 from fit.glow import find_glow
@@ -100,12 +101,22 @@ def fit(
         fixed = emissive_parts(glow, air, parts, min(MOST_LAMPS, settings.limit() // LAMPS_SHARE))
     with stages("build"):
         whole = no_shapes() if len(fixed) else exact_whole(parts_fits, settings)
-        shapes = whole if len(whole) else build(
-            targets, find_sources(air, seen, targets, parts_fits, solid, settings, fixed), fixed,
-            limit=settings.limit(), enough=_enough(targets, settings, pose.unit),
-            max_step=STEP_CELLS * air.cell, scope=Scope(settings.kinds, settings.steps),
-            seed=settings.seed, progress=stages.fraction,
+        sources = None if len(whole) else find_sources(
+            air, seen, targets, parts_fits, solid, settings, fixed
         )  # fmt: skip
+        enough = _enough(targets, settings, pose.unit)
+        shapes = whole if sources is None else build(
+            targets, sources, fixed, limit=settings.limit(), enough=enough, max_step=STEP_CELLS * air.cell,
+            scope=Scope(settings.kinds, settings.steps), seed=settings.seed, progress=stages.fraction,
+        )  # fmt: skip
+    with stages("close"):
+        # Of a body its fill counts, unless leaks are asked for: its silhouette would grow.
+        if "closing" in settings.steps and sources and not (sources.alone and settings.max_leaks == 1.0):
+            closed = close_leaks(
+                shapes, targets, draw_lines(air, settings.seed),
+                cell=air.cell, most_leaks=settings.max_leaks, kept=len(fixed),
+            )  # fmt: skip
+            shapes = shapes if enough.good(shapes) and not enough.good(closed) else closed
     with stages("color"):
         nothing = error(no_shapes(), targets)
         palette = find_palette(scene, air, seen, nothing)
