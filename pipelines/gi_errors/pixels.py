@@ -12,7 +12,6 @@ from fit.scene import Camera, Float64
 from pipelines.studio import Studio
 from runtime.camera import local_from_view
 from runtime.images import encode
-from runtime.lights import plan_tiles
 from runtime.path_tracer import PathTracer
 from runtime.settings import RenderSettings
 
@@ -26,7 +25,8 @@ LAYERS = ("position", "normal", "albedo", "direct")
 class Pixels:
     """One view of the mesh. shown (h, w): where there is geometry, n pixels; of these, in rows from the top:
     points, normals, towards_viewer, albedo (n, 3), world space. direct (h, w, 3): what suns, spots and
-    points make surfaces reflect; unlit (h, w, 3): the picture without indirect light on surfaces."""
+    points make surfaces reflect, by rays and not by shadow maps; unlit (h, w, 3): the picture
+    without indirect light on surfaces."""
 
     shown: Bool
     points: Float64
@@ -51,10 +51,9 @@ class Pixels:
             raise ValueError(f"the camera ({studio.view.origin}) sees nothing of the scene: choose another")
         points, normals, albedo = (images[name][shown] for name in ("position", "normal", "albedo"))
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        direct = images["direct"].copy()
-        if not _all_have_maps(studio, result.settings):
-            tracer = PathTracer(studio.gpu, studio.scene, studio.illumination)
-            direct[shown] = albedo / np.pi * tracer.direct(points, normals)
+        tracer = PathTracer(studio.gpu, studio.scene, studio.illumination)
+        direct = np.zeros_like(images["direct"])
+        direct[shown] = albedo / np.pi * tracer.direct(points, normals)
         unlit = images["final"] - images["direct"] + direct
         towards_viewer = _towards_viewer(studio.view.camera, points)
         return Pixels(shown, points, normals, towards_viewer, albedo, direct, unlit, result.settings)
@@ -77,12 +76,6 @@ class Pixels:
         """The same as sRGB bytes, by the exposure and the tone curve of every other picture."""
         radiance = self.radiance(irradiance).astype(np.float32)
         return encode(radiance, self.settings.exposure, self.settings.tone_curve)
-
-
-def _all_have_maps(studio: Studio, settings: RenderSettings) -> bool:
-    """Whether every lamp has a shadow map of the mesh; the others' shadows would be those of primitives."""
-    lights, bounds = studio.illumination.lights, studio.scene.bounds()
-    return len(plan_tiles(lights, bounds, bounds[0], settings.shadows)[0]) == len(lights)
 
 
 def _towards_viewer(camera: Camera, points: Float64) -> Float64:

@@ -86,10 +86,14 @@ class Reference:
         """
         sensor = make_camera(self._mi, _sensor(self._mi, camera, size, self.origin))
         beauty = self._estimate(sensor, samples, target, seed, progress)
-        direct = np.zeros_like(beauty.value)
-        for lamp in self._lamps:
-            direct += self._render(lamp, sensor, 1, seed)
-        return Picture(beauty, direct, self.notes)
+        return Picture(beauty, self.direct(camera, size), self.notes)
+
+    def direct(self, camera: Camera, size: tuple[int, int]) -> Float64:
+        """What suns, spots and points make surfaces reflect to the camera, (height, width, 3): exact, because
+        none of them has a size."""
+        sensor = make_camera(self._mi, _sensor(self._mi, camera, size, self.origin))
+        lit = [self._render(lamp, sensor, 1, 0) for lamp in self._lamps]
+        return np.sum([np.zeros((size[1], size[0], 3)), *lit], axis=0)
 
     def irradiance(
         self,
