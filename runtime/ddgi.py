@@ -30,7 +30,7 @@ from runtime.kernel import Kernel
 from runtime.probes import IRRADIANCE_SIZE, RAYS_AT_ONCE, ProbeGrid, workgroups
 from runtime.resources import Buffer, Sampler, Texture
 from runtime.scene_tracer import open_tracer
-from runtime.structs import GpuStruct, f32, u32, vec3u, vec4f
+from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u, vec4f
 from runtime.technique import FrameLight
 from runtime.twins.random import random_rotation
 from runtime.world import World
@@ -42,6 +42,9 @@ DISTANCE_SIZE = 16
 
 
 class RelocateSettings(GpuStruct):
+    inner_lower: vec3f
+    lean: f32
+    inner_upper: vec3f
     kept_lower: vec3u
     cascade: u32
     kept_upper: vec3u
@@ -98,6 +101,8 @@ class Ddgi:
         self._trace = Kernel(gpu, "ddgi/trace_probes", aliases=aliases)
         self._blend_distances = Kernel(gpu, "ddgi/blend_distances")
         self._blend_irradiance = Kernel(gpu, "ddgi/blend_irradiance")
+        self._seen_version = -1
+        self._is_first = True
         self.reset()
 
     def _lay_probes(self) -> list[Cascade]:
@@ -229,14 +234,20 @@ class Ddgi:
         s, cascade = self.settings, update.cascade
         spacing, count = cascade.start.spacing, len(cascade.start)
         lower, upper = cascade.kept
+        clearance = s.clearance * spacing
+        inner_lower, inner_upper = (self.world.to_local(corner) for corner in self.world.bounds)
+        inset = np.minimum(clearance, (inner_upper - inner_lower) / 2)
         update.relocate.write(
             RelocateSettings.pack(
+                inner_lower=inner_lower + inset,
+                lean=(0.5 + s.clearance) * spacing,
+                inner_upper=inner_upper - inset,
                 kept_lower=lower.astype(np.uint32),
                 cascade=cascade.number,
                 kept_upper=upper.astype(np.uint32),
                 probe_count=count,
                 may_sleep=int(s.sleep),
-                clearance=s.clearance * spacing,
+                clearance=clearance,
                 reach=s.relocation * spacing,
                 reach_of_rays=min(s.max_ray_distance, 1e3 * self.world.diagonal),
                 jump=0.1 * spacing,

@@ -30,7 +30,8 @@ class DdgiSettings:
     farthest: longer distances count as so many diagonals of a probe cell.
     normal_bias, view_bias: how far, in spacings, a point moves from its surface, along the normal and towards
     the viewer, before it asks which probes see it.
-    relocation: how far, in spacings and along each axis, a probe may stand from its node.
+    relocation: how far, in spacings and along each axis, a probe may stand from its node; those over the
+    scene's outermost walls are brought in, half a spacing and the clearance at most.
     clearance: probes keep this many spacings from surfaces where they can.
     relocation_frames: for so many frames after the world changed, probes move; one that is then still inside
     something is off.

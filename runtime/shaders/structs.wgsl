@@ -164,16 +164,19 @@ struct DdgiInfo {  // 416 bytes
     gamma: f32,                       // 404
 }
 
-struct RelocateSettings {  // 64 bytes
-    kept_lower: vec3u,   // 0
-    cascade: u32,        // 12
-    kept_upper: vec3u,   // 16
-    probe_count: u32,    // 28
-    may_sleep: u32,      // 32
-    clearance: f32,      // 36
-    reach: f32,          // 40
-    reach_of_rays: f32,  // 44
-    jump: f32,           // 48
+struct RelocateSettings {  // 96 bytes
+    inner_lower: vec3f,  // 0
+    lean: f32,           // 12
+    inner_upper: vec3f,  // 16
+    kept_lower: vec3u,   // 32
+    cascade: u32,        // 44
+    kept_upper: vec3u,   // 48
+    probe_count: u32,    // 60
+    may_sleep: u32,      // 64
+    clearance: f32,      // 68
+    reach: f32,          // 72
+    reach_of_rays: f32,  // 76
+    jump: f32,           // 80
 }
 
 struct DdgiUpdate {  // 80 bytes

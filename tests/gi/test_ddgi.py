@@ -88,6 +88,15 @@ def test_probes_leave_walls_and_those_that_cannot_are_off(make_stage):
     assert stuck[3] == 0
 
 
+def test_probes_over_a_room_are_brought_in_from_behind_its_walls(make_stage, make_room, inner_surface):
+    """The grid's outermost probes stand a hand's breadth outside; without them every corner would be dark."""
+    grid = ProbeGrid((-1.75, -1.75, -1.75), 3.5 / 4, (5, 5, 5))
+    stage = make_stage("ddgi", make_room(0.2, emission=2.0), grid=grid, bounce=0.0).run(10)
+    places = np.abs(states_of(stage)[:, :3] + stage.world.origin).max(axis=1)
+    assert places.max() < 1.5
+    np.testing.assert_allclose(stage.irradiance(*inner_surface(300)), 2 * np.pi, rtol=0.01)
+
+
 @pytest.mark.parametrize("sleep", [False, True])
 def test_a_probe_that_leaves_a_wall_in_the_last_frame_is_on(make_stage, sleep):
     wall = make_box((1.0, 0, 0), (0.3, 8, 8))

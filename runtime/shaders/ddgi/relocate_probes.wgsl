@@ -48,6 +48,13 @@ fn surroundings(spacing: f32) -> Surroundings {
     return found;
 }
 
+// Where a new probe is looked for first: one over the scene's outermost walls would stand right behind them and serve
+// nobody, so it is brought in, if it is no farther away than its neighbours would move.
+fn first_place(node: vec3f) -> vec3f {
+    let way = clamp(node, settings.inner_lower, settings.inner_upper) - node;
+    return select(node, node + way, all(abs(way) <= vec3f(settings.lean)));
+}
+
 fn relocated(node: vec3f, place: vec3f, seen: Surroundings) -> vec3f {
     var offset = place - node;
     let near = distances[seen.near];
@@ -76,12 +83,16 @@ fn main(
     let in_grid = cascade_place(cascade, probe);
     let node = cascade.lower + vec3f(in_grid) * cascade.spacing;
     let is_new = any(in_grid < settings.kept_lower) || any(in_grid >= settings.kept_upper);
-    let place = select(states[probe].xyz, node, is_new);
+    let place = select(states[probe].xyz, first_place(node), is_new);
     let direction = spherical_fibonacci(thread, RAYS);
     distances[thread] = signed_clearance(place, direction, settings.reach_of_rays);
     workgroupBarrier();
     if thread == 0u {
-        moved = relocated(node, place, surroundings(cascade.spacing));
+        let found = surroundings(cascade.spacing);
+        moved = relocated(node, place, found);
+        if is_new && found.is_inside && all(moved == place) {
+            moved = node;
+        }
     }
     workgroupBarrier();
     distances[thread] = signed_clearance(moved, direction, settings.reach_of_rays);
