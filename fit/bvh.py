@@ -7,12 +7,15 @@ The leaves lie along a Morton curve; a k-d tree over a few of them gives the fir
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from fit.scene import Float64
+from fit.triangle import length, plane_frames, ray_distances, squared_distances
 
 Int64 = NDArray[np.int64]
 
@@ -22,15 +25,29 @@ BRANCHES = 4
 _PIECES_PER_DIAGONAL = 64
 """Triangles longer than this share of the diagonal enter the tree in pieces, so that boxes stay tight."""
 
-_TINY = float(np.finfo(float).tiny)
-"""Keeps the triangles that rounding has flattened from dividing by zero: they count as segments or points."""
-
 _MAX_EXTRA_PIECES = 300_000
 
 _MOST_GUESSES = 1 << 17
 """Leaves in the k-d tree of first guesses: of millions, all would take longer to search than the boxes."""
 
-_PAIRS_PER_CHUNK = 1 << 18
+_MOST_FRAMES = 300_000
+"""Triangles whose planes are all worked out beforehand: 30 MB; of more, only those that are asked for."""
+
+_QUERIES_AT_ONCE, _PAIRS_AT_ONCE = 1 << 13, 1 << 15
+"""Points, and pairs of a point or ray and a node, that are looked at together, lest they fill the memory."""
+
+_ROUNDING = 1e-14
+"""Of the squared diagonal: how far squared distances may be off."""
+
+
+@dataclass(frozen=True)
+class _Leaves:
+    """Triangles (n,) of the leaves, boxes of each level, the tree of first guesses and their triangles."""
+
+    triangles: Int64
+    levels: list[Float64]
+    guesses: cKDTree
+    guessed: Int64
 
 
 class TriangleTree:
@@ -39,24 +56,25 @@ class TriangleTree:
     def __init__(self, vertices: Float64) -> None:
         if len(vertices) == 0:
             raise ValueError("a triangle tree needs at least one triangle; the surface is empty")
-        lower, upper = boxes_around(vertices)
-        low, high = column_extremes(lower)[0], column_extremes(upper)[1]
+        low, high = column_extremes(vertices.reshape(-1, 3))
         self.center = (low + high) / 2
         self.diagonal = float(np.linalg.norm(high - low))
         self._vertices = vertices
-        boxes, owner = self._leaf_boxes(np.concatenate([lower, upper], axis=1))
-        del lower, upper
+
+    @cached_property
+    def _leaves(self) -> _Leaves:
+        """What is searched: made when first asked, since some ask for the extent alone."""
+        boxes, owner = self._leaf_boxes(np.concatenate(boxes_around(self._vertices), axis=1))
         order = morton_order(boxes[:, :3] + boxes[:, 3:])
-        self._leaf_triangles, boxes = owner[order], boxes[order]
+        owner, boxes = owner[order], boxes[order]
         stride = -(-len(boxes) // _MOST_GUESSES)
-        self._guesses = cKDTree((boxes[::stride, :3] + boxes[::stride, 3:]) / 2)
-        self._guessed_triangles = self._leaf_triangles[::stride]
-        self._levels = _box_levels(boxes)
+        guesses = cKDTree((boxes[::stride, :3] + boxes[::stride, 3:]) / 2)
+        return _Leaves(owner, _box_levels(boxes), guesses, owner[::stride])
 
     def _leaf_boxes(self, boxes: Float64) -> tuple[Float64, Int64]:
         """Boxes (n, 6) about the tree's centre, of triangles or, of long ones, pieces; their owners."""
         longest = self.diagonal / _PIECES_PER_DIAGONAL
-        is_long = _length(boxes[:, 3:] - boxes[:, :3]) > longest
+        is_long = length(boxes[:, 3:] - boxes[:, :3]) > longest
         boxes -= np.tile(self.center, 2)
         if not is_long.any():
             return boxes, np.arange(len(boxes))
@@ -66,42 +84,58 @@ class TriangleTree:
         return np.concatenate([boxes[short], cut]), np.concatenate([short, long[owner]])
 
     def _frames(self, triangles: Int64) -> Float64:
+        if len(self._vertices) <= _MOST_FRAMES:
+            return self._all_frames[triangles]
         return plane_frames(self._vertices[triangles] - self.center)
+
+    @cached_property
+    def _all_frames(self) -> Float64:
+        return plane_frames(self._vertices - self.center)
 
     def nearest(self, points: Float64) -> tuple[Float64, Int64]:
         """Unsigned distance (p,) from points (p, 3) to the triangles, and the nearest triangle (p,)."""
         points = points - self.center
         distance, triangle = np.empty(len(points)), np.empty(len(points), np.int64)
-        chunk = _PAIRS_PER_CHUNK // 32
-        for start in range(0, len(points), chunk):
-            part = slice(start, start + chunk)
+        for start in range(0, len(points), _QUERIES_AT_ONCE):
+            part = slice(start, start + _QUERIES_AT_ONCE)
             distance[part], triangle[part] = self._nearest_chunk(points[part])
         return distance, triangle
 
     def _nearest_chunk(self, points: Float64) -> tuple[Float64, Int64]:
-        triangle = self._guessed_triangles[self._guesses.query(points)[1]]
-        bound = squared_distances(points, self._frames(triangle))
-        query, node = np.arange(len(points)), np.zeros(len(points), np.int64)
-        for boxes in self._levels:
-            near = _squared_distances_to_boxes(points[query], boxes[node]) < bound[query, None]
-            row, child = np.nonzero(near)
-            query, node = query[row], node[row] * BRANCHES + child
-        candidates = self._leaf_triangles[node]
-        squared = squared_distances(points[query], self._frames(candidates))
-        # Stable order by query, then distance, then triangle: the first of each run is the nearest.
-        order = np.lexsort((candidates, squared, query))
-        query, squared, candidates = query[order], squared[order], candidates[order]
-        leader = np.flatnonzero(np.diff(query, prepend=-1))
-        better = squared[leader] < bound[query[leader]]
-        winners = leader[better]
-        bound[query[winners]], triangle[query[winners]] = squared[winners], candidates[winners]
-        return np.sqrt(bound), triangle
+        guess = self._leaves.guessed[self._leaves.guesses.query(points)[1]]
+        guessed = squared_distances(points, self._frames(guess))
+        slack = _ROUNDING * (self.diagonal**2 + guessed)
+        best = _Best(np.minimum(np.nextafter(guessed, 0), self._descended(points) + slack), slack)
+        self._search(points, best, 0, np.arange(len(points)), np.zeros(len(points), np.int64))
+        better = best.squared < guessed
+        return np.sqrt(np.where(better, best.squared, guessed)), np.where(better, best.triangle, guess)
+
+    def _descended(self, points: Float64) -> Float64:
+        """Squared distance (p,) to the triangle of the leaf reached through the nearest box of each level."""
+        node = np.zeros(len(points), np.int64)
+        for boxes in self._leaves.levels:
+            node = node * BRANCHES + _squared_distances_to_boxes(points, boxes[node]).argmin(axis=1)
+        return squared_distances(points, self._frames(self._leaves.triangles[node]))
+
+    def _search(self, points: Float64, best: _Best, level: int, query: Int64, node: Int64) -> None:
+        """Lowers the best of each query by the triangles under its node of a level."""
+        if len(query) > _PAIRS_AT_ONCE:
+            for start in range(0, len(query), _PAIRS_AT_ONCE):
+                part = slice(start, start + _PAIRS_AT_ONCE)
+                self._search(points, best, level, query[part], node[part])
+        elif level < len(self._leaves.levels):
+            squared = _squared_distances_to_boxes(points[query], self._leaves.levels[level][node])
+            row, child = np.nonzero(squared <= best.limit[query, None])
+            self._search(points, best, level + 1, query[row], node[row] * BRANCHES + child)
+        elif len(query):
+            triangle = self._leaves.triangles[node]
+            best.lower(query, squared_distances(points[query], self._frames(triangle)), triangle)
 
     def first_hit(self, origins: Float64, directions: Float64) -> tuple[Float64, Int64]:
         """Distance (p,) along unit directions (p, 3) to the first triangle, and its row; inf and -1: none."""
         origins = origins - self.center
         distance, triangle = np.empty(len(origins)), np.empty(len(origins), np.int64)
-        chunk = _PAIRS_PER_CHUNK // 64
+        chunk = _QUERIES_AT_ONCE // 2
         for start in range(0, len(origins), chunk):
             part = slice(start, start + chunk)
             distance[part], triangle[part] = self._first_hit_chunk(origins[part], directions[part])
@@ -112,16 +146,38 @@ class TriangleTree:
             inverse = 1.0 / np.where(directions == 0, 1e-300, directions)
         distance, triangle = np.full(len(origins), np.inf), np.full(len(origins), -1, np.int64)
         query, node = np.arange(len(origins)), np.zeros(len(origins), np.int64)
-        for boxes in self._levels:
+        for boxes in self._leaves.levels:
             row, child = np.nonzero(_rays_meet_boxes(origins[query], inverse[query], boxes[node]))
             query, node = query[row], node[row] * BRANCHES + child
-        candidates = self._leaf_triangles[node]
-        along = _ray_distances(origins[query], directions[query], self._frames(candidates))
+        candidates = self._leaves.triangles[node]
+        along = ray_distances(origins[query], directions[query], self._frames(candidates))
         order = np.lexsort((candidates, along, query))
         order = order[np.diff(query[order], prepend=-1) != 0]
         order = order[np.isfinite(along[order])]
         distance[query[order]], triangle[query[order]] = along[order], candidates[order]
         return distance, triangle
+
+
+class _Best:
+    """The nearest triangle (p,) met by each of p queries, the first of equally near ones, its squared
+    distance (p,), and the limit (p,) beyond which no box is opened. Rounding puts some farther than what is
+    in them, by `slack` (p,) at most."""
+
+    def __init__(self, limit: Float64, slack: Float64) -> None:
+        self.limit, self._slack = limit, slack
+        self.squared, self.triangle = np.full(len(limit), np.inf), np.zeros(len(limit), np.int64)
+
+    def lower(self, query: Int64, squared: Float64, triangle: Int64) -> None:
+        """Takes the nearest of pairs (k,) in order of their queries."""
+        first = np.flatnonzero(np.diff(query, prepend=-1))
+        lowest, query = np.minimum.reduceat(squared, first), query[first]
+        is_lowest = squared == np.repeat(lowest, np.diff(first, append=len(squared)))
+        triangle = np.minimum.reduceat(np.where(is_lowest, triangle, np.iinfo(np.int64).max), first)
+        old = self.squared[query]
+        better = (lowest < old) | ((lowest == old) & (triangle < self.triangle[query]))
+        query, lowest = query[better], lowest[better]
+        self.squared[query], self.triangle[query] = lowest, triangle[better]
+        self.limit[query] = np.minimum(self.limit[query], lowest + self._slack[query])
 
 
 def cut_long_triangles(
@@ -140,7 +196,7 @@ def cut_long_triangles(
     corners = corners[owner]
     extra = 0
     while len(corners):
-        edges = np.stack([_length(corners[:, (k + 1) % 3] - corners[:, k]) for k in range(3)])
+        edges = np.stack([length(corners[:, (k + 1) % 3] - corners[:, k]) for k in range(3)])
         long = np.maximum(np.maximum(edges[0], edges[1]), edges[2]) > longest
         extra += int(long.sum())
         if max_extra is not None and extra > max_extra:
@@ -156,14 +212,6 @@ def cut_long_triangles(
     return np.concatenate(done), np.concatenate(done_owner)
 
 
-def _length(vectors: Float64) -> Float64:
-    return np.sqrt(_dot(vectors, vectors))
-
-
-def _dot(a: Float64, b: Float64) -> Float64:
-    return np.einsum("ij,ij->i", a, b)
-
-
 def column_extremes(points: Float64) -> tuple[Float64, Float64]:
     """Lowest and highest values (3,), (3,) of points (p, 3)."""
     columns = [points[:, k] for k in range(3)]  # NumPy reduces rows of three five times slower
@@ -173,7 +221,7 @@ def column_extremes(points: Float64) -> tuple[Float64, Float64]:
 def morton_order(points: Float64) -> Int64:
     """Order (p,) of points (p, 3) along a Z-shaped curve: its neighbours are near in space (Morton 1966)."""
     lower, upper = column_extremes(points)
-    scale = ((1 << 21) - 1) / max(float((upper - lower).max()), _TINY)
+    scale = ((1 << 21) - 1) / max(float((upper - lower).max()), np.finfo(float).tiny)
     columns = (((points[:, axis] - lower[axis]) * scale).astype(np.uint64) for axis in range(3))
     return np.argsort(morton_code(columns), kind="stable")
 
@@ -244,61 +292,3 @@ def _rays_meet_boxes(origins: Float64, inverse: Float64, boxes: Float64) -> NDAr
         np.minimum(far, np.maximum(a, b), out=far)
     # Flat boxes meet in one number: the rounding of two products must not lose them.
     return (near <= far * (1 + 1e-12)) & np.isfinite(boxes[..., 0])
-
-
-# ------------------------------------------------------------------------------- one point, one triangle
-
-
-def plane_frames(corners: Float64) -> Float64:
-    """Triangles in their own plane, (t, 12): corner a, unit x axis along ab, unit y axis, |ab|, c.x, c.y."""
-    a = corners[:, 0]
-    ab, ac = corners[:, 1] - a, corners[:, 2] - a
-    length = _length(ab)
-    x = ab / np.maximum(length, _TINY)[:, None]
-    cx = _dot(ac, x)
-    y = ac
-    for _ in range(2):  # twice: one pass leaves the axes of a sliver askew
-        y = y - _dot(y, x)[:, None] * x
-        y /= np.maximum(_length(y), _TINY)[:, None]
-    cy = _dot(ac, y)
-    return np.concatenate([a, x, y, length[:, None], cx[:, None], cy[:, None]], axis=1)
-
-
-def squared_distances(points: Float64, frame: Float64) -> Float64:
-    """Squared distance (k,) of points (k, 3) to the triangles of `plane_frames` (k, 12), exact."""
-    dx, dy, dz = (points[:, k] - frame[:, k] for k in range(3))
-    x = dx * frame[:, 3] + dy * frame[:, 4] + dz * frame[:, 5]
-    y = dx * frame[:, 6] + dy * frame[:, 7] + dz * frame[:, 8]
-    height = np.maximum(dx * dx + dy * dy + dz * dz - x * x - y * y, 0)
-    width, cx, cy = frame[:, 9], frame[:, 10], frame[:, 11]
-    inside = (y >= 0) & (x * cy >= y * cx) & ((x - width) * cy <= y * (cx - width))
-    in_plane = _squared_to_segment(x, y, width, 0.0)
-    np.minimum(in_plane, _squared_to_segment(x, y, cx, cy), out=in_plane)
-    np.minimum(in_plane, _squared_to_segment(x - width, y, cx - width, cy), out=in_plane)
-    in_plane[inside] = 0
-    return in_plane + height
-
-
-def _squared_to_segment(x: Float64, y: Float64, ex: Float64, ey: Float64 | float) -> Float64:
-    """Squared distance of (x, y) to the segment from the origin to (ex, ey)."""
-    t = np.clip((x * ex + y * ey) / np.maximum(ex * ex + ey * ey, _TINY), 0, 1)
-    return (x - t * ex) ** 2 + (y - t * ey) ** 2
-
-
-def _ray_distances(origins: Float64, directions: Float64, frame: Float64) -> Float64:
-    """Distance (k,) along each ray to its triangle, inf where it misses; both sides count."""
-    ex, ey = frame[:, 3:6], frame[:, 6:9]
-    normal = np.cross(ex, ey)
-    slope = _dot(directions, normal)
-    offset = origins - frame[:, :3]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = -_dot(offset, normal) / slope
-        at = offset + t[:, None] * directions
-        x, y = _dot(at, ex), _dot(at, ey)
-        width, cx, cy = frame[:, 9], frame[:, 10], frame[:, 11]
-        # A hair of tolerance closes the seam between two triangles.
-        hair = 1e-12 * width * cy
-        inside = (
-            (y * width >= -hair) & (x * cy - y * cx >= -hair) & ((x - width) * cy - y * (cx - width) <= hair)
-        )
-        return np.where(inside & (t > 0) & np.isfinite(t), t, np.inf)

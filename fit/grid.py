@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.bvh import boxes_around, cut_long_triangles, plane_frames, squared_distances
+from fit.bvh import boxes_around, cut_long_triangles
 from fit.scene import Float64
+from fit.triangle import plane_frames, squared_distances
 
 Bool = NDArray[np.bool_]
 Int64 = NDArray[np.int64]

@@ -6,7 +6,7 @@ Every function takes *pairs*: shape `index[i]` seen from point `i`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -19,6 +19,9 @@ from fit.scene import Float64
 Index = NDArray[np.integer]
 
 KINDS = tuple(kind.name.lower() for kind in Kind)
+
+_SPHERE, _CYLINDER = Kind.SPHERE.value, Kind.CYLINDER.value
+"""Looked up once: a member of an enumeration takes a microsecond."""
 
 PARAMETERS = 9
 """Of one shape: centre (3), rotation vector (3), half extents (3)."""
@@ -75,29 +78,39 @@ def join(several: Sequence[Shapes]) -> Shapes:
 # -------------------------------------------------------------------------------------------- distance
 
 
-def pair_distances(shapes: Shapes, points: Float64, index: Index) -> Float64:
-    """Exact signed distance (p,) from point i (p, 3) to shape `index[i]`."""
-    return _signed(*_excess(shapes.kinds[index], _local(shapes, points, index), shapes.halves[index].T))
-
-
 _BLOCK = 4096
 """Points at a time: their temporaries stay in the cache, and in memory that need not be asked for anew."""
 
 
+def _blocks(count: int) -> Iterator[slice]:
+    return (slice(start, start + _BLOCK) for start in range(0, count, _BLOCK))
+
+
+def pair_distances(shapes: Shapes, points: Float64, index: Index) -> Float64:
+    """Exact signed distance (p,) from point i (p, 3) to shape `index[i]`."""
+    distances = np.empty(len(points))
+    for block in _blocks(len(points)):
+        own = index[block]
+        local = _local(_turns(shapes, own), shapes, points[block], own)
+        distances[block] = _signed(_excess(shapes.kinds[own], local, shapes, own))
+    return distances
+
+
 def distances_to_one(shapes: Shapes, which: int, points: Float64) -> Float64:
     """Exact signed distance (p,) from all points to one shape."""
-    kind, halves = shapes.kinds[which], shapes.halves[which]
+    kind, halves, turn = shapes.kinds[which], shapes.halves[which][:, None], shapes.frames[which].T
     distances = np.empty(len(points))
-    for start in range(0, len(points), _BLOCK):
-        block = slice(start, start + _BLOCK)
-        local = shapes.frames[which].T @ (points[block] - shapes.centers[which]).T
-        if kind == Kind.SPHERE:
+    for block in _blocks(len(points)):
+        local = turn @ (points[block] - shapes.centers[which]).T
+        if kind == _SPHERE:
             distances[block] = np.sqrt(_sum(local * local)) - halves[0]
-        elif kind == Kind.CYLINDER:
-            side = np.sqrt(local[0] * local[0] + local[2] * local[2]) - halves[0]
-            distances[block] = _signed(side, np.abs(local[1]) - halves[1])
-        else:
-            distances[block] = _signed(*(np.abs(local) - halves[:, None]))
+            continue
+        if kind == _CYLINDER:
+            np.sqrt(local[0] * local[0] + local[2] * local[2], out=local[0])
+            local = local[:2]
+        np.abs(local, out=local)
+        local -= halves[: len(local)]
+        distances[block] = _signed(local)
     return distances
 
 
@@ -107,36 +120,50 @@ def pair_derivatives(shapes: Shapes, points: Float64, index: Index) -> Float64:
     With l = R^T (x - c) and g = dd/dl: dd/dc = -R g; a small rotation w in the local frame moves l by
     -w x l, so dd/dw = g x l; a half extent acts against the excess that carries the distance.
     """
-    kinds = shapes.kinds[index]
-    local = _local(shapes, points, index)
-    excess = _excess(kinds, local, shapes.halves[index].T)
-    positive = np.maximum(excess, 0.0)
-    outside = np.sqrt(_sum(positive * positive))
-    deepest = (np.arange(3)[:, None] == excess.argmax(axis=0)).astype(np.float64)
-    is_outside = outside > 0
-    slope = np.where(is_outside, positive / np.where(is_outside, outside, 1.0), deepest)
+    derivative = np.empty((PARAMETERS, len(points)))
+    for block in _blocks(len(points)):
+        derivative[:, block] = _derivatives(shapes, points[block], index[block])
+    return derivative
+
+
+def _derivatives(shapes: Shapes, points: Float64, index: Index) -> Float64:
+    kinds, turns = shapes.kinds[index], _turns(shapes, index)
+    local = _local(turns, shapes, points, index)
+    excess = _excess(kinds, local, shapes, index)
+    slope = np.maximum(excess, 0.0)
+    outside = np.sqrt(_sum(slope * slope))
+    inside = np.flatnonzero(outside == 0)
+    outside[inside] = 1.0
+    slope /= outside
+    slope[excess[:, inside].argmax(axis=0), inside] = 1.0
     gradient = _local_gradient(kinds, local, slope)
     derivative = np.empty((PARAMETERS, len(points)))
-    derivative[0:3] = -np.einsum("pij,jp->ip", shapes.frames[index], gradient)
+    derivative[0:3] = -(turns * gradient).sum(axis=1)
     for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         derivative[3 + a] = gradient[b] * local[c] - gradient[c] * local[b]
     derivative[6:9] = -slope
     return derivative
 
 
-def _local(shapes: Shapes, points: Float64, index: Index) -> Float64:
-    """Points in the frames of their shapes, (3, p): rows of coordinates are what NumPy is fast on."""
-    offset = points - shapes.centers[index]
-    return np.einsum("pij,pi->jp", shapes.frames[index], offset)
+def _turns(shapes: Shapes, index: Index) -> Float64:
+    """Frames of the points' shapes, (3, 3, p): rows of coordinates are what NumPy is fast on."""
+    return shapes.frames.transpose(1, 2, 0).take(index, axis=2)
 
 
-def _signed(*excess: Float64) -> Float64:
-    """Signed distance of points from how far they are beyond each face."""
-    deepest, squared = excess[0], np.maximum(excess[0], 0.0) ** 2
-    for one in excess[1:]:
-        deepest = np.maximum(deepest, one)
-        squared += np.maximum(one, 0.0) ** 2
-    return np.sqrt(squared) + np.minimum(deepest, 0.0)
+def _local(turns: Float64, shapes: Shapes, points: Float64, index: Index) -> Float64:
+    """Points (3, p) in the frames of their shapes."""
+    offset = points.T - shapes.centers.T.take(index, axis=1)
+    return _sum(turns * offset[:, None])
+
+
+def _signed(excess: Float64) -> Float64:
+    """Signed distance (p,) of points from how far they are beyond each face (k, p), which is overwritten."""
+    depth = np.minimum(excess.max(axis=0), 0.0)
+    np.maximum(excess, 0.0, out=excess)
+    excess *= excess
+    distance = np.sqrt(excess.sum(axis=0))
+    distance += depth
+    return distance
 
 
 def _sum(rows: Float64) -> Float64:
@@ -146,13 +173,14 @@ def _sum(rows: Float64) -> Float64:
 _NEVER = -1e300
 
 
-def _excess(kinds: NDArray[np.uint8], local: Float64, halves: Float64) -> Float64:
+def _excess(kinds: NDArray[np.uint8], local: Float64, shapes: Shapes, index: Index) -> Float64:
     """How far points are beyond each face (3, p), in the row of the half extent that they are held against.
 
     A box has three, a cylinder radius and height in rows 0 and 1, a sphere its radius in row 0.
     """
+    halves = shapes.halves.T.take(index, axis=1)
     excess = np.abs(local) - halves
-    cylinder, sphere = kinds == Kind.CYLINDER, kinds == Kind.SPHERE
+    cylinder, sphere = kinds == _CYLINDER, kinds == _SPHERE
     if cylinder.any() or sphere.any():
         across = local[0] * local[0] + local[2] * local[2]
         radius = np.sqrt(across + np.where(sphere, local[1] * local[1], 0.0))
@@ -164,7 +192,7 @@ def _excess(kinds: NDArray[np.uint8], local: Float64, halves: Float64) -> Float6
 
 def _local_gradient(kinds: NDArray[np.uint8], local: Float64, slope: Float64) -> Float64:
     gradient = np.copysign(slope, local)
-    cylinder, sphere = kinds == Kind.CYLINDER, kinds == Kind.SPHERE
+    cylinder, sphere = kinds == _CYLINDER, kinds == _SPHERE
     if cylinder.any() or sphere.any():
         across = local[0] * local[0] + local[2] * local[2]
         radius = np.sqrt(across + np.where(sphere, local[1] * local[1], 0.0))
@@ -181,7 +209,7 @@ def _local_gradient(kinds: NDArray[np.uint8], local: Float64, slope: Float64) ->
 def moved(shapes: Shapes, step: Float64) -> Shapes:
     """Shapes after a step (n, 9) in their parameters; the ties of spheres and cylinders are kept."""
     halves = shapes.halves + step[:, 6:9]
-    sphere, cylinder = shapes.kinds == Kind.SPHERE, shapes.kinds == Kind.CYLINDER
+    sphere, cylinder = shapes.kinds == _SPHERE, shapes.kinds == _CYLINDER
     halves[sphere] = halves[sphere, :1]
     halves[cylinder, 2] = halves[cylinder, 0]
     frames = shapes.frames @ rotation_matrices(step[:, 3:6])
