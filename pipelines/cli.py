@@ -13,11 +13,12 @@ from typing import Annotated, Any, Literal
 import cyclopts
 from cyclopts import Parameter
 
-from pipelines import bench_fit, compare, convert, demo, describe, render, slices
+from pipelines import bench_fit, compare, convert, demo, describe, matrix, render, slices
 from pipelines.console import Terminal
 from pipelines.errors import UsageError
 from pipelines.machine import package_version
-from pipelines.options import parse_budgets, parse_size
+from pipelines.methods import METHODS
+from pipelines.options import parse_budgets, parse_names, parse_probes, parse_size
 from pipelines.worker import describe_error
 
 OK, FAILED, BAD_USAGE, INTERRUPTED = 0, 1, 2, 130
@@ -287,23 +288,35 @@ def slice_scene(
 
 
 @app.command(name="compare")
-def compare_presets(
+def compare_sets(
     scene: Path,
     *,
     output: Annotated[Path, Output],
+    set_: Annotated[list[Path] | None, Parameter(name="--set", negative="")] = None,
+    presets: str | None = None,
+    budgets: str | None = None,
+    gi: str | None = None,
+    probes: str | None = None,
+    truth: Literal["reference", "reference-gpu"] | None = None,
+    samples: int = 256,
+    noise: float | None = None,
     camera: Annotated[str | None, Numbers] = None,
     sun: Annotated[str | None, Numbers] = None,
     sky: Annotated[str | None, Numbers] = None,
     lights: Literal["file"] | None = None,
     exposure: Annotated[float, Numbers] = 0.0,
     scale: float = 1.0,
-    size: str = "640x360",
+    size: str | None = None,
     frames: int = render.DEFAULT_FRAMES,
+    air: Annotated[list[str] | None, Numbers, Parameter(negative="")] = None,
     seed: int = 0,
     json: Annotated[bool, Flag] = False,
 ) -> int:
-    """Put a coarse set of primitives beside a fine one: counts, errors, times, pictures.
+    """Put sets of primitives, and ways to light them, beside each other.
 
+    A scene alone: a coarse set beside a fine one, in counts, errors, times and pictures. With any of --set,
+    --presets, --budgets, --gi, --probes and --truth: every set by every way to light it, each with its errors
+    of fit, solver and both against path tracing, and the smallest set that is about as good as any.
     Writes OUTPUT/report.json and OUTPUT/report.html, one page that opens without a network.
 
     Parameters
@@ -312,6 +325,22 @@ def compare_presets(
         A .gltf or .glb file.
     output
         Folder for the results.
+    set_
+        A set of primitives of this scene. May be given several times.
+    presets
+        Fits to compare: coarse, fine, or coarse,fine.
+    budgets
+        Fits to compare, by numbers of primitives: 16,64,256.
+    gi
+        Ways to light: sdfddgi, ddgi, ddgi-triangles (DDGI that sees the mesh itself), none.
+    probes
+        Grids of probes: default, counts along x, y and z like 22x14x32, or spacings in metres like 0.5.
+    truth
+        What path traces: reference (Mitsuba, the default) or reference-gpu (the runtime).
+    samples
+        Paths for each point of the truth.
+    noise
+        End a path tracing once its mean absolute noise is this share of the mean, such as 0.02.
     camera
         As for render.
     sun
@@ -325,9 +354,11 @@ def compare_presets(
     scale
         Multiplies every length.
     size
-        Width x height in pixels.
+        Width x height in pixels; 640x360, or 320x180 where path tracing is needed.
     frames
         Frames to render for each picture.
+    air
+        A space that is air, as for convert: outside, or a point x,y,z in it. May be given several times.
     seed
         Seed of all random choices.
     json
@@ -335,10 +366,40 @@ def compare_presets(
     """
     terminal = Terminal(json)
     lighting = render.LightingOptions(sun, sky, lights == "file")
-    settings = compare.CompareSettings(
-        scene, output, camera, lighting, exposure, scale, parse_size(size), frames, seed
+    if not any((set_, presets, budgets, gi, probes, truth)):
+        if air:
+            raise UsageError(
+                "--air: a comparison of coarse and fine finds the air itself; add --presets coarse,fine"
+            )
+        shape = parse_size(size or "640x360")
+        settings = compare.CompareSettings(
+            scene, output, camera, lighting, exposure, scale, shape, frames, seed
+        )
+        return _compare(settings, terminal)
+    from pipelines.gi_errors.truth import TruthSettings
+
+    asked = matrix.MatrixSettings(
+        scene,
+        output,
+        TruthSettings(truth or "reference", samples, noise, seed),
+        sets=tuple(set_ or ()),
+        presets=parse_names("--presets", presets, compare.PRESETS) if presets else (),
+        budgets=parse_budgets("--budgets", budgets) if budgets else (),
+        methods=parse_names("--gi", gi, METHODS) if gi else ("sdfddgi",),
+        probes=parse_probes(probes) if probes else (None,),
+        camera=camera,
+        lighting=lighting,
+        exposure=exposure,
+        scale=scale,
+        size=parse_size(size or "320x180"),
+        frames=frames,
+        air=tuple(air or ()),
+        seed=seed,
     )
-    return _compare(settings, terminal)
+    with terminal.progress() as update:
+        report = matrix.run(asked, update)
+    terminal.result(report, lambda: matrix.show(report, asked, terminal))
+    return OK
 
 
 @bench.command(name="fit")

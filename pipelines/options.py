@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from pipelines.errors import UsageError
@@ -27,6 +28,15 @@ class CameraOption:
     position: tuple[float, float, float]
     target: tuple[float, float, float]
     fov: float
+
+
+@dataclass(frozen=True)
+class ProbesOption:
+    """How fine probes stand: `counts` along x, y and z, or `spacing` in metres; `text` as it was typed."""
+
+    text: str
+    counts: tuple[int, int, int] | None = None
+    spacing: float | None = None
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -78,6 +88,34 @@ def parse_budgets(option: str, text: str) -> tuple[int, ...]:
             f"{option} {text}: give whole numbers above zero with commas between them: 16,64,256"
         )
     return tuple(sorted({int(word) for word in words}))
+
+
+def parse_names(option: str, text: str, known: Iterable[str]) -> tuple[str, ...]:
+    """`a,b` as names out of `known`, each once."""
+    names = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
+    for name in names:
+        if name not in known:
+            raise UsageError(f"{option} {name}: there is no such thing; there are {', '.join(known)}")
+    return names
+
+
+def parse_probes(text: str) -> tuple[ProbesOption | None, ...]:
+    """`default,22x14x32,0.5`: the technique's own choice, counts along x, y and z, or a spacing in metres."""
+    return tuple(dict.fromkeys(_probes(word.strip()) for word in text.split(",")))
+
+
+def _probes(word: str) -> ProbesOption | None:
+    if word == "default":
+        return None
+    if match := re.fullmatch(r"(\d{1,4})x(\d{1,4})x(\d{1,4})", word, re.IGNORECASE):
+        x, y, z = (int(number) for number in match.groups())
+        if min(x, y, z) >= 2:
+            return ProbesOption(word, counts=(x, y, z))
+    elif re.fullmatch(r"\d*\.?\d+", word) and float(word) > 0:
+        return ProbesOption(word, spacing=float(word))
+    raise UsageError(
+        f"--probes {word}: give default, counts of at least 2 like 22x14x32, or a spacing in metres like 0.5"
+    )
 
 
 def looks_like_numbers(text: str) -> bool:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from fit.scene import Scene
 from pipelines.errors import UsageError
-from pipelines.options import looks_like_numbers, parse_color, parse_sun
+from pipelines.methods import SOFTWARE_PROBES, find_method, technique_settings
+from pipelines.options import ProbesOption, looks_like_numbers, parse_color, parse_sun
 from pipelines.views import View, choose_view
 
 if TYPE_CHECKING:
@@ -26,9 +27,6 @@ DEFAULT_FRAMES = 64
 
 SOFTWARE_WHOLE_FRAMES = 4
 """Frames that a software adapter draws whole: enough for a median of the pixels' passes."""
-
-SOFTWARE_PROBES = 1024
-"""Probes at most on a software adapter; a frame takes a second there and not ten."""
 
 FrameDone = Callable[[int, int], None]
 """Called with the frames that are done and all that are asked for."""
@@ -117,28 +115,38 @@ class Studio:
         frames: int,
         views: tuple[str, ...] = (),
         done: FrameDone | None = None,
+        probes: ProbesOption | None = None,
+        **options: Any,
     ) -> Result:
         """Renders `frames` frames and returns the last one: its views, and the medians of its passes' times.
 
-        On a software adapter all but the last few frames bring only the light up to date.
+        technique: one of `methods.METHODS`; probes: how fine they stand; options: further settings of the
+        technique. On a software adapter all but the last few frames bring only the light up to date.
         """
         from runtime.renderer import Renderer
 
         whole = min(frames, SOFTWARE_WHOLE_FRAMES) if self.gpu.is_software else frames
-        renderer = Renderer(self.gpu, self.scene, primitives, self.settings(technique), self.illumination)
+        settings = self.settings(technique, primitives, probes, **options)
+        renderer = Renderer(self.gpu, self.scene, primitives, settings, self.illumination)
         return renderer.render(
             self.view.camera, frames=whole, settle=frames - whole, only=views, progress=done
         )
 
-    def settings(self, technique: str) -> RenderSettings:
-        """Settings for one technique; software adapters get fewer probes and smaller maps and textures."""
-        from runtime.sdfddgi import Sdfddgi, SdfddgiSettings
+    def settings(
+        self,
+        technique: str,
+        primitives: PrimitiveSet,
+        probes: ProbesOption | None = None,
+        **options: Any,
+    ) -> RenderSettings:
+        """Settings for one method; software adapters get fewer probes and smaller maps and textures."""
         from runtime.settings import PREVIEW, RenderSettings
 
-        settings = PREVIEW if self.gpu.is_software else RenderSettings()
-        if self.gpu.is_software and technique == Sdfddgi.name:
-            settings = replace(settings, technique=SdfddgiSettings(max_probes=SOFTWARE_PROBES))
-        return replace(settings, size=self.size, gi=technique, exposure=self.exposure)
+        software = self.gpu.is_software
+        own = technique_settings(technique, primitives, probes, software=software, **options)
+        settings = PREVIEW if software else RenderSettings()
+        gi = find_method(technique).technique
+        return replace(settings, size=self.size, gi=gi, technique=own, exposure=self.exposure)
 
     def _emission(self) -> list[str]:
         names = [repr(material.name) for material in self.scene.materials if any(material.emission)]

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Mapping
 from html import escape
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from pipelines.report.elements import (
     METRICS,
@@ -23,6 +20,7 @@ from pipelines.report.elements import (
     tiles,
     version_fact,
 )
+from pipelines.report.pictures import data_uri, pair
 from pipelines.report.plots import bars, short_number
 
 UInt8 = NDArray[np.uint8]
@@ -32,7 +30,7 @@ SETS = ("coarse", "fine")
 
 def build_page(report: Mapping[str, Any], pictures: Mapping[str, UInt8]) -> str:
     """The whole page; `report` holds JSON values only, `pictures` are sRGB pixels (h, w, 3) by name."""
-    sources = {name: _data_uri(pixels) for name, pixels in pictures.items()}
+    sources = {name: data_uri(pixels) for name, pixels in pictures.items()}
     sections = (
         _header(report),
         _figures(report),
@@ -94,17 +92,17 @@ def _figures(report: Mapping[str, Any]) -> str:
 def _gi_section(report: Mapping[str, Any], sources: Mapping[str, str]) -> str:
     difference = report["differences"]["without-gi"]
     caption = f"Fine set. FLIP between the two {difference['flip']:.3f}. Drag to compare."
-    pair = _pair(sources, ("without-gi", "fine"), ("direct light alone", "with global illumination"), caption)
-    return f"<h2>What the indirect light adds</h2>{pair}"
+    lit = pair(sources, ("without-gi", "fine"), ("direct light alone", "with global illumination"), caption)
+    return f"<h2>What the indirect light adds</h2>{lit}"
 
 
 def _set_section(report: Mapping[str, Any], sources: Mapping[str, str]) -> str:
     counts = {name: report["sets"][name]["primitives"] for name in SETS}
     tags = tuple(f"{name}, {counts[name]} primitives" for name in SETS)
-    shown = _pair(
+    shown = pair(
         sources, ("coarse-primitives", "fine-primitives"), tags, "What the light sees: the sets themselves."
     )
-    final = _pair(sources, SETS, tags, "The scene lit through each.")
+    final = pair(sources, SETS, tags, "The scene lit through each.")
     singles = "".join(
         f'<figure><img src="{sources[name]}" alt="{caption}"><figcaption>{caption}</figcaption></figure>'
         for name, caption in (
@@ -165,25 +163,5 @@ def _left_out_section(report: Mapping[str, Any]) -> str:
     )
 
 
-def _pair(sources: Mapping[str, str], names: tuple[str, ...], tags: tuple[str, ...], caption: str) -> str:
-    """Two pictures over each other with a divider that can be dragged."""
-    (left, right), (left_tag, right_tag) = names, tags
-    label = escape(f"Divider between {left_tag} and {right_tag}", quote=True)
-    return (
-        f'<figure><div class="pair"><img src="{sources[left]}" alt="{escape(left_tag)}">'
-        f'<img class="over" src="{sources[right]}" alt="{escape(right_tag)}">'
-        f'<input type="range" min="0" max="100" step="0.1" value="50" aria-label="{label}">'
-        f'<div class="edge"></div><span class="tag left">{escape(left_tag)}</span>'
-        f'<span class="tag right">{escape(right_tag)}</span></div>'
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-    )
-
-
 def _percent(value: float | None) -> float | None:
     return None if value is None else 100 * value
-
-
-def _data_uri(pixels: UInt8) -> str:
-    stream = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(pixels[..., :3])).save(stream, format="PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")

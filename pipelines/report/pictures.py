@@ -1,0 +1,43 @@
+"""Pictures in a report page: embedded, single, and in pairs with a divider."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+UInt8 = NDArray[np.uint8]
+
+
+def pair(sources: Mapping[str, str], names: tuple[str, ...], tags: tuple[str, ...], caption: str) -> str:
+    """Two pictures over each other with a divider that can be dragged."""
+    (left, right), (left_tag, right_tag) = names, tags
+    label = escape(f"Divider between {left_tag} and {right_tag}", quote=True)
+    return (
+        f'<figure><div class="pair"><img src="{sources[left]}" alt="{escape(left_tag)}">'
+        f'<img class="over" src="{sources[right]}" alt="{escape(right_tag)}">'
+        f'<input type="range" min="0" max="100" step="0.1" value="50" aria-label="{label}">'
+        f'<div class="edge"></div><span class="tag left">{escape(left_tag)}</span>'
+        f'<span class="tag right">{escape(right_tag)}</span></div>'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
+
+
+def single(source: str, caption: str) -> str:
+    """One picture with a line below it."""
+    return (
+        f'<figure><img src="{source}" alt="{escape(caption, quote=True)}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
+
+
+def data_uri(pixels: UInt8) -> str:
+    """sRGB pixels (h, w, 3) as the address of an embedded PNG."""
+    stream = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(pixels[..., :3])).save(stream, format="PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
