@@ -8,6 +8,7 @@ from typing import Any
 from runtime.device import Gpu
 from runtime.encoder import Recorder
 from runtime.resources import Texture
+from runtime.scene_tracer import PrimitiveTracer
 from runtime.technique import FrameLight
 from runtime.world import World
 
@@ -21,6 +22,7 @@ class NoGi:
     def __init__(self, gpu: Gpu, world: World, settings: Any = None) -> None:
         if settings is not None:
             raise ValueError("the technique 'none' has no settings")
+        self.tracer = PrimitiveTracer(world)
 
     def record(self, rec: Recorder, frame: FrameLight) -> None:
         return

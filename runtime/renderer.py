@@ -24,6 +24,7 @@ from runtime.camera import Frame, frame_record, overview
 from runtime.device import Gpu
 from runtime.direct import DirectLight, LightMaps
 from runtime.encoder import Recorder
+from runtime.glossy import Glossy
 from runtime.kernel import Kernel, Resource
 from runtime.lights import AnyLight, Illumination, choose_illumination
 from runtime.meshes import SceneMeshes
@@ -97,6 +98,7 @@ class Renderer:
         self._radiance = Texture(gpu, size, "rgba32float", "sample|storage", label="radiance")
         self._gather = Kernel(gpu, "composite/gather_irradiance", aliases={"technique": self.technique.name})
         self._combine = Kernel(gpu, "composite/combine_light")
+        self._glossy = Glossy(gpu, size, self.technique) if self.settings.glossy else None
         self._tone_map = ToneMap(gpu, size, self.settings.exposure, self.settings.tone_curve)
         self._views = Views(gpu, size)
         self._lights.set(self.illumination.lights)
@@ -179,7 +181,10 @@ class Renderer:
         self._dispatch(rec, self._gather, pixel_irradiance=self._indirect)
 
     def _record_radiance(self, rec: Recorder) -> None:
-        """Surfaces under both irradiances, or the sky."""
+        """Surfaces under both irradiances, with their reflections if these are wanted, or the sky."""
+        if self._glossy is not None:
+            self._glossy.record(rec, self._shared(), self._direct.irradiance, self._indirect, self._radiance)
+            return
         self._dispatch(
             rec,
             self._combine,
@@ -245,7 +250,10 @@ class Renderer:
 
     def all_views(self) -> tuple[str, ...]:
         """Names that `read_view` takes: the frame's layers, the primitives', the technique's."""
-        return (*views.VIEWS, *self.technique.views())
+        return (*views.VIEWS, *self._own_views())
+
+    def _own_views(self) -> Mapping[str, Texture]:
+        return {**self.technique.views(), **(self._glossy.views() if self._glossy else {})}
 
     def read_view(self, name: str) -> Float32:
         """A view of the last whole frame, (height, width, 3) float32; a technique's texture as it is.
@@ -257,8 +265,8 @@ class Renderer:
             return radiance
         if name in views.PANELS:
             return np.hstack([self.read_view(panel) for panel in views.PANELS[name]])
-        if name in self.technique.views():
-            return _three_channels(self.technique.views()[name].read())
+        if name in self._own_views():
+            return _three_channels(self._own_views()[name].read())
         shared = {
             **self._shared(),
             "direct_irradiance": self._direct.irradiance,

@@ -20,6 +20,7 @@ from runtime.encoder import Recorder
 from runtime.kernel import Kernel
 from runtime.probes import IRRADIANCE_SIZE, RAYS_AT_ONCE, IrradianceProbes, ProbeGrid, check_rays, workgroups
 from runtime.resources import Buffer, Texture
+from runtime.scene_tracer import PrimitiveTracer
 from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u
 from runtime.technique import FrameLight
 from runtime.world import World
@@ -116,6 +117,7 @@ class Sdfddgi:
 
     def __init__(self, gpu: Gpu, world: World, settings: SdfddgiSettings | None = None) -> None:
         self.gpu, self.world = gpu, world
+        self.tracer = PrimitiveTracer(world)
         self.settings = s = settings or SdfddgiSettings()
         if gpu.is_software and s.rays_per_probe * s.fresh_factor > RAYS_ON_SOFTWARE:
             raise ValueError(

@@ -59,13 +59,15 @@ class RenderSettings:
     """Everything about a picture but the scene, its lighting and the camera.
 
     size: width and height in pixels. gi: name of the global illumination technique; technique: its own
-    settings, or None for its defaults. exposure: stops (EV), never automatic. max_texture_size: wider
+    settings, or None for its defaults. glossy: smooth surfaces and metals reflect, else base colour is all
+    diffuse, as in comparisons. exposure: stops (EV), never automatic. max_texture_size: wider
     textures are halved until they fit.
     """
 
     size: tuple[int, int] = (640, 360)
     gi: str = "sdfddgi"
     technique: Any = None
+    glossy: bool = False
     exposure: float = 0.0
     tone_curve: ToneCurve = ToneCurve.ACES
     max_texture_size: int = 2048

@@ -14,6 +14,7 @@ from runtime.device import Gpu
 from runtime.encoder import Recorder
 from runtime.kernel import Kernel
 from runtime.resources import Buffer, Texture
+from runtime.scene_tracer import SceneTracer
 from runtime.structs import GpuStruct, u32
 from runtime.world import World
 
@@ -76,6 +77,10 @@ class Technique(Protocol):
     @property
     def memory(self) -> int:
         """Bytes on the GPU."""
+
+    @property
+    def tracer(self) -> SceneTracer:
+        """What its rays, and those of reflections, meet."""
 
 
 def create(name: str, gpu: Gpu, world: World, settings: Any = None) -> Technique:
