@@ -93,7 +93,7 @@ class SdfddgiSettings:
     settling_frames: int = 64
     settling_history: float = 4.0
     settling_growth: float = 0.125
-    clearance: float = 0.12
+    clearance: float = 0.06
     clearance_limit: float = 0.25
     smallest_clearance: float | None = None
     relocation: float = 0.45

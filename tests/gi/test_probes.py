@@ -47,7 +47,7 @@ def test_probes_stand_free(make_stage, spacing):
     world = places[is_on] + stage.world.origin
     distance = sdf.union_distance(scene, world)[0]
     assert distance.min() >= 1.9 * stage.world.start_margin
-    assert np.mean(distance > 0.1 * spacing) > 0.95
+    assert np.mean(distance > 0.9 * SdfddgiSettings().clearance * spacing) > 0.95
     moved = np.linalg.norm(world - grid.positions()[is_on], axis=1)
     assert moved.max() <= 0.7 * spacing + 1e-3
     deep = sdf.union_distance(scene, grid.positions())[0] < -0.46 * spacing
@@ -62,7 +62,7 @@ def test_probes_next_to_a_wall_stand_near_it(make_stage, make_room):
     places, is_on = stage.technique.probes.read_records()
     outer = np.abs(grid.positions()).max(axis=1) > 1.0
     gap = 1.5 - np.abs(places[is_on & outer] + stage.world.origin).max(axis=1)
-    np.testing.assert_allclose(gap, 0.12 * 0.8, atol=1e-3)
+    np.testing.assert_allclose(gap, SdfddgiSettings().clearance * 0.8, atol=1e-3)
 
 
 def test_a_probe_alone_between_two_walls_stays_between_them(make_stage, make_room):

@@ -138,7 +138,7 @@ def test_light_stays_in_the_room(technique, make_stage, make_room, inner_surface
 @pytest.mark.parametrize(
     ("spacing", "offset", "tolerance"),
     [
-        pytest.param(4.0, OFFSET, 0.3, marks=ONE_PROBE.marks),
+        (4.0, OFFSET, 0.3),
         (2.0, OFFSET, 0.3),
         (1.0, OFFSET, 0.3),
         pytest.param(1.0, BESIDE_THE_LAMP, 0.3, marks=pytest.mark.xfail(strict=True, reason=TOO_BRIGHT)),
