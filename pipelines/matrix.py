@@ -202,14 +202,13 @@ class _Bench:
         done = number * (len(self._columns) + 1)
         truth = self._judge.truth_of(named.primitives, self._step(done))
         self.write_picture(f"{named.name}, set", self._judge.pixels.display(truth.lit.value))
-        cells, errors = {}, None
+        cells = {}
         for k, column in enumerate(self._columns):
             result = self._light(named, column, self._step(done + 1 + k))
             errors = self._judge.errors(truth, result.images["irradiance"])
             cells[column.name] = _cell(result, errors)
             self._write_cell(f"{named.name}, {column.name}", truth, result)
-        assert errors is not None
-        shared = {key: asdict(getattr(errors, key)) for key in ("fit", "geometry", "material")}
+        shared = {key: asdict(getattr(truth, key)) for key in ("fit", "geometry", "material")}
         about = {"name": named.name, "noise": errors.noise, "unplaced": errors.unplaced}
         return about | named.about | {"errors": shared, "points": errors.points, "cells": cells}
 

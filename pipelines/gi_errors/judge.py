@@ -74,13 +74,17 @@ class GiErrors:
 
 @dataclass(frozen=True)
 class SetTruth:
-    """Path-traced irradiance through a set, at the mesh's points, in its colours and in gray."""
+    """Path-traced irradiance through a set, at the mesh's points, in its colours and in gray, and the fit
+    error that follows from it: see `GiErrors`."""
 
     primitives: PrimitiveSet
     starts: Float64
     is_free: NDArray[np.bool_]
     lit: Estimate
     gray: Estimate
+    fit: Error
+    geometry: Error
+    material: RelativeError
 
 
 @dataclass(frozen=True)
@@ -120,7 +124,9 @@ class Judge:
         gray = self.truth.of_primitives(
             gray_set(primitives), *where, _part(progress, "path trace the gray set", 0.5)
         )
-        return SetTruth(primitives, starts, is_free, lit, gray)
+        fit, geometry = self.error(lit, self.mesh), self.error(gray, self.mesh_gray)
+        material = self._material(lit, gray)
+        return SetTruth(primitives, starts, is_free, lit, gray, fit, geometry, material)
 
     def errors(
         self, truth: SetTruth, irradiance: NDArray[np.floating], floor: NDArray[np.floating] | None = None
@@ -137,9 +143,9 @@ class Judge:
             "gray primitives": truth.gray,
         }
         return GiErrors(
-            fit=self.error(truth.lit, self.mesh),
-            geometry=self.error(truth.gray, self.mesh_gray),
-            material=self._material(truth),
+            fit=truth.fit,
+            geometry=truth.geometry,
+            material=truth.material,
             solver=self.error(ours, truth.lit),
             total=self.error(ours, self.mesh),
             floor=None if floor is None else self.error(np.asarray(floor, np.float64), truth.lit),
@@ -181,13 +187,10 @@ class Judge:
             "total-flip": flip(mesh, ours)[1],
         }
 
-    def _material(self, truth: SetTruth) -> RelativeError:
-        differences = [
-            (_halves(truth.lit)[k] - _halves(self.mesh)[k])
-            - (_halves(truth.gray)[k] - _halves(self.mesh_gray)[k])
-            for k in range(2)
-        ]
-        return relative_square((differences[0], differences[1]), _halves(self.mesh))
+    def _material(self, lit: Estimate, gray: Estimate) -> RelativeError:
+        (p, q), (m, n) = _halves(lit), _halves(self.mesh)
+        (p_gray, q_gray), (m_gray, n_gray) = _halves(gray), _halves(self.mesh_gray)
+        return relative_square(((p - m) - (p_gray - m_gray), (q - n) - (q_gray - n_gray)), (m, n))
 
 
 def _halves(found: Estimate | Float64) -> Halves:
