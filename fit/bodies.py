@@ -16,7 +16,15 @@ from scipy.spatial import cKDTree
 
 from fit.descend import descend_alone, descend_together
 from fit.inscribe import inscribe
-from fit.occupancy import BAND_CELLS, Occupancy, difference, distance_table, sample_occupancy, worths
+from fit.occupancy import (
+    BAND_CELLS,
+    Occupancy,
+    difference,
+    distance_table,
+    nearest,
+    sample_occupancy,
+    worths,
+)
 from fit.primitives import Kind
 from fit.scene import Float64
 from fit.shapes import Shapes, join, make_shapes, no_shapes
@@ -102,7 +110,7 @@ def choose(shapes: Shapes, candidates: Shapes, occupancy: Occupancy, count: int)
 
     Lazy (Minoux 1978): a gain can hardly rise as others are taken.
     """
-    distances = distance_table(shapes, occupancy).min(axis=0, initial=np.inf)
+    distances = nearest(shapes, occupancy)[1]
     table = distance_table(candidates, occupancy)
     rows = [np.flatnonzero(row < distances) for row in table]
 
@@ -181,7 +189,7 @@ def other_kinds(shapes: Shapes, which: int) -> list[Shapes]:
 def swap_kinds(shapes: Shapes, occupancy: Occupancy) -> Shapes:
     """The set with each shape of the kind that serves best beside the others."""
     table = distance_table(shapes, occupancy)
-    nearest = table.argmin(axis=0)
+    owners = table.argmin(axis=0)
     first, second = (
         np.partition(table, 1, axis=0)[:2] if len(table) > 1 else (table[0], np.full(table.shape[1], np.inf))
     )
@@ -189,7 +197,7 @@ def swap_kinds(shapes: Shapes, occupancy: Occupancy) -> Shapes:
     owner: list[int] = []
     rests: list[Float64] = []
     for i in range(len(shapes)):
-        rest = np.where(nearest == i, second, first)
+        rest = np.where(owners == i, second, first)
         trials += [shapes.select(np.array([i])), *other_kinds(shapes, i)]
         owner += [i] * (len(trials) - len(owner))
         rests += [rest] * (len(trials) - len(rests))
@@ -242,7 +250,7 @@ def add_missing(
     solid: Solid, shapes: Shapes, occupancy: Occupancy, count: int, rng: np.random.Generator
 ) -> Shapes:
     """The set and up to `count` more shapes, fitted to what it leaves empty; the best ones are taken."""
-    distances = distance_table(shapes, occupancy).min(axis=0, initial=np.inf)
+    distances = nearest(shapes, occupancy, bands=2.0)[1]
     candidates = _candidates(solid, occupancy, distances, max(SEEDS_PER_SHAPE * count, LEAST_SEEDS), rng)
     candidates, _ = descend_alone(candidates, [distances] * len(candidates), occupancy, 12)
     return choose(shapes, candidates, occupancy, count)

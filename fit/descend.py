@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fit.occupancy import Occupancy, difference, distance_table
+from fit.occupancy import Occupancy, difference, distance_table, nearest
 from fit.scene import Float64
 from fit.shapes import PARAMETERS, Shapes, distances_to_one, moved, pair_derivatives, pair_distances
 
@@ -52,13 +52,13 @@ def descend_together(
         return shapes
     table = distance_table(shapes, occupancy, bands=3.0)
     near = occupancy.select(np.flatnonzero(np.abs(table.min(axis=0)) < 3 * band))
-    given, owner, distances = shapes, *_nearest(shapes, near)
+    given, owner, distances = shapes, *nearest(shapes, near)
     lowest = near.differences(distances).sum()
     damping = DAMPING
     for _ in range(steps):
         step = _step(shapes, near, owner, distances, np.full(len(shapes), damping), free)
         trial = _thickened(moved(shapes, step), band)
-        trial_owner, trial_distances = _nearest(trial, near)
+        trial_owner, trial_distances = nearest(trial, near)
         reached = near.differences(trial_distances).sum()
         if not reached < lowest:
             damping *= BRAKE
@@ -71,12 +71,6 @@ def descend_together(
         if saved < SAVING:
             break
     return shapes if difference(shapes, occupancy) < difference(given, occupancy) else given
-
-
-def _nearest(shapes: Shapes, occupancy: Occupancy) -> tuple[NDArray[np.int64], Float64]:
-    table = distance_table(shapes, occupancy)
-    owner = table.argmin(axis=0)
-    return owner, table[owner, np.arange(table.shape[1])]
 
 
 def descend_alone(

@@ -25,7 +25,7 @@ BAND_CELLS = 3.0
 BAND_SHARE, LEAST_BAND_CELLS = 0.5, 0.2
 """Of the mean thickness, twice volume by area: the band of a thin body; and the narrowest one."""
 
-RUN = 128
+RUN = 32
 """Points side by side whose distances are left out together when a shape is far from all of them."""
 
 _DRAWS = 6
@@ -77,6 +77,13 @@ class Occupancy:
         starts = np.arange(0, len(self), RUN)
         lower, upper = (f.reduceat(self.points, starts, axis=0) for f in (np.minimum, np.maximum))
         return (lower + upper) / 2, np.linalg.norm(upper - lower, axis=1) / 2
+
+    @cached_property
+    def by_run(self) -> Float64:
+        """The points of each run (r, `RUN`, 3), the last one filled up with its last point."""
+        missing = -len(self) % RUN
+        filled = np.concatenate([self.points, np.repeat(self.points[-1:], missing, axis=0)])
+        return filled.reshape(-1, RUN, 3)
 
 
 def sample_occupancy(solid: Solid, air: Air, near: int, far: int, seed: int) -> Occupancy:
@@ -145,21 +152,38 @@ def along_a_curve(points: Float64) -> NDArray[np.int64]:
 
 def distance_table(shapes: Shapes, occupancy: Occupancy, bands: float = 1.0) -> Float64:
     """Signed distances (n, p) from all points to all shapes; infinite beyond this many bands."""
-    table = np.full((len(shapes), len(occupancy)), np.inf)
-    centers, radii = occupancy.runs
-    offsets = np.arange(RUN)
+    table = np.full((len(shapes), *occupancy.by_run.shape[:2]), np.inf)
     for i in range(len(shapes)):
-        near = np.flatnonzero(distances_to_one(shapes, i, centers) < radii + bands * occupancy.band)
-        rows = (near[:, None] * RUN + offsets).ravel()
-        rows = rows[rows < len(occupancy)]
-        table[i, rows] = distances_to_one(shapes, i, occupancy.points[rows])
-    return table
+        runs, distances = _near_runs(shapes, i, occupancy, bands)
+        table[i, runs] = distances
+    return table.reshape(len(shapes), -1)[:, : len(occupancy)]
+
+
+def nearest(shapes: Shapes, occupancy: Occupancy, bands: float = 1.0) -> tuple[NDArray[np.int64], Float64]:
+    """The first of the nearest shapes (p,) to each point, and its distance as in `distance_table`."""
+    lowest = np.full(occupancy.by_run.shape[:2], np.inf)
+    owner = np.zeros(lowest.shape, np.int64)
+    for i in range(len(shapes)):
+        runs, distances = _near_runs(shapes, i, occupancy, bands)
+        before = lowest[runs]
+        owner[runs] = np.where(distances < before, i, owner[runs])
+        lowest[runs] = np.minimum(distances, before)
+    return owner.ravel()[: len(occupancy)], lowest.ravel()[: len(occupancy)]
+
+
+def _near_runs(
+    shapes: Shapes, which: int, occupancy: Occupancy, bands: float
+) -> tuple[NDArray[np.int64], Float64]:
+    """The runs (k,) that may be within so many bands of a shape, and its distances (k, `RUN`) there."""
+    centers, radii = occupancy.runs
+    runs = np.flatnonzero(distances_to_one(shapes, which, centers) < radii + bands * occupancy.band)
+    points = occupancy.by_run[runs].reshape(-1, 3)
+    return runs, distances_to_one(shapes, which, points).reshape(-1, RUN)
 
 
 def difference(shapes: Shapes, occupancy: Occupancy) -> float:
     """The symmetric difference of the set's union and the solid, in cubed units of the points."""
-    distances = distance_table(shapes, occupancy).min(axis=0, initial=np.inf)
-    return float(occupancy.differences(distances).sum())
+    return float(occupancy.differences(nearest(shapes, occupancy)[1]).sum())
 
 
 def worths(shapes: Shapes, occupancy: Occupancy) -> Float64:

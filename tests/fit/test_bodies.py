@@ -10,7 +10,7 @@ from fit.air import find_air
 from fit.bodies import fit_body, of_moments, other_kinds
 from fit.descend import descend_together
 from fit.inscribe import inscribe
-from fit.occupancy import Occupancy, difference, distance_table, sample_occupancy
+from fit.occupancy import Occupancy, difference, distance_table, nearest, sample_occupancy
 from fit.primitives import Kind
 from fit.shapes import Shapes, distances_to_one, join, make_shapes, to_primitives
 from fit.solid import Solid, find_solid
@@ -79,6 +79,17 @@ def test_far_distances_are_left_out_of_the_table_and_near_ones_are_exact(bent: t
     assert 0 < near.sum() < len(near)
     np.testing.assert_array_equal(table[near], exact[near])
     assert (exact[~near] > occupancy.band).all()
+
+
+def test_the_nearest_shape_is_the_first_of_the_lowest_in_the_table(bent: tuple[Solid, Air]) -> None:
+    occupancy = sample_occupancy(*bent, 4000, 1001, 0)
+    centers = np.random.default_rng(1).uniform(-0.5, 0.5, (6, 3))
+    shapes = make_shapes(Kind.BOX, np.concatenate([centers, centers[:2]]), np.eye(3), np.full(3, 0.1))
+    table = distance_table(shapes, occupancy)
+    owner, distances = nearest(shapes, occupancy)
+    np.testing.assert_array_equal(owner, table.argmin(axis=0))
+    np.testing.assert_array_equal(distances, table.min(axis=0))
+    assert np.isinf(distances).any() and (np.bincount(owner) > 10)[1:6].all()
 
 
 @pytest.mark.parametrize("kind", [Kind.BOX, Kind.SPHERE, Kind.CYLINDER])

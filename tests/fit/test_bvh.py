@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+import trimesh
 
-from fit import rays
+from fit import bvh, rays
 from fit.bvh import TriangleTree, cut_long_triangles
 from fit.rays import RayCaster
+from fit.triangle import plane_frames
 
 
 def soup(count=150, size=0.2, seed=0):
@@ -40,6 +42,23 @@ def test_nearest_agrees_with_brute_force(size, offset):
     np.testing.assert_allclose(
         expected[np.arange(40), triangle], distance, rtol=1e-9, atol=1e-9 * max(offset, 1e-3)
     )
+
+
+def test_points_as_far_from_all_triangles_are_searched_part_by_part(monkeypatch):
+    """From near the middle of a ball no box is nearer than the others: 3 million pairs."""
+    ball = trimesh.creation.icosphere(5).triangles
+    points = np.random.default_rng(0).normal(size=(150, 3)) * 1e-3
+    looked_at = []
+    measure = bvh.squared_distances
+    monkeypatch.setattr(bvh, "squared_distances", lambda p, f: looked_at.append(len(p)) or measure(p, f))
+    tree = TriangleTree(ball)
+    distance, triangle = tree.nearest(points)
+    assert sum(looked_at) > 2 * bvh._PAIRS_AT_ONCE
+    assert max(looked_at[2:]) <= bvh.BRANCHES * bvh._PAIRS_AT_ONCE
+    frames = plane_frames(ball - tree.center)
+    exact = [measure(np.broadcast_to(p - tree.center, (len(ball), 3)), frames) for p in points]
+    np.testing.assert_array_equal(distance, np.sqrt([e.min() for e in exact]))
+    assert all(e[t] == e.min() for e, t in zip(exact, triangle, strict=True))
 
 
 def test_nearest_on_needles_and_slivers_keeps_its_digits():
