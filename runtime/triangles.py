@@ -24,11 +24,9 @@ from runtime.meshes import BLEND_CUTOFF
 from runtime.resources import Buffer
 from runtime.structs import GpuStruct, f32, u32, vec2f, vec3f, vec4f
 from runtime.textures import mipmaps
+from runtime.triangle_tree import build_tree
 from runtime.twins.normal import normal_pack
 
-Int64 = NDArray[np.int64]
-
-TRIANGLES_A_LEAF = 4
 NO_IMAGE = 0xFFFFFFFF
 
 MARGIN = 1e-5
@@ -38,7 +36,6 @@ WRAPS = {Wrap.REPEAT: 0, Wrap.MIRROR: 1, Wrap.CLAMP: 2}
 
 
 class TriangleInfo(GpuStruct):
-    first_leaf: u32
     margin: f32
 
 
@@ -82,7 +79,7 @@ class Triangles:
         corners, records, materials = _collect(scene, self.origin)
         if len(corners) == 0:
             raise ValueError(f"{scene.source}: the scene draws no triangle that light meets")
-        need, limit = 48 * len(corners) * 2, gpu.limits["max-storage-buffer-binding-size"]
+        need, limit = 72 * len(corners), gpu.limits["max-storage-buffer-binding-size"]
         if need > limit:
             raise ValueError(
                 f"{scene.source}: {len(corners)} triangles take {need >> 20} MiB, "
@@ -90,23 +87,20 @@ class Triangles:
             )
         diagonal = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0))) or 1.0
         order, nodes = build_tree(corners)
+        own = corners[order]
         faces = np.zeros((len(order), 3, 4), np.float32)
-        kept = order >= 0  # the tree is complete: what fills its last leaves are triangles without area
-        own = corners[order[kept]]
-        faces[kept, 0, :3] = own[:, 0]
-        faces[kept, 1, :3], faces[kept, 2, :3] = own[:, 1] - own[:, 0], own[:, 2] - own[:, 0]
-        faces[kept, 0, 3] = materials[order[kept]].astype(np.uint32).view(np.float32)
-        sorted_records = np.zeros((len(order), 3), TriangleCorner.dtype)
-        sorted_records[kept] = records[order[kept]]
+        faces[:, 0, :3] = own[:, 0]
+        faces[:, 1, :3], faces[:, 2, :3] = own[:, 1] - own[:, 0], own[:, 2] - own[:, 0]
+        faces[:, 0, 3] = materials[order].view(np.float32)
         images = _Images(scene, texel_bytes)
         table = _material_records((*scene.materials, Material()), images)
         self.notes = images.notes
-        info = TriangleInfo.pack(first_leaf=len(nodes) // 2, margin=MARGIN * diagonal)
+        info = TriangleInfo.pack(margin=MARGIN * diagonal)
         self._buffers = {
             "triangle_info": Buffer(gpu, info, "uniform", label="triangle info"),
             "triangle_nodes": Buffer(gpu, nodes, label="triangle nodes"),
             "triangle_faces": Buffer(gpu, faces, label="triangle faces"),
-            "triangle_corners": Buffer(gpu, sorted_records, label="triangle corners"),
+            "triangle_corners": Buffer(gpu, records[order], label="triangle corners"),
             "triangle_materials": Buffer(gpu, table, label="triangle materials"),
             "triangle_images": Buffer(gpu, images.records(), label="triangle images"),
             "triangle_texels": Buffer(gpu, images.texels(), label="triangle texels"),
@@ -120,64 +114,6 @@ class Triangles:
     def memory(self) -> int:
         """Bytes on the GPU."""
         return sum(buffer.size for buffer in self._buffers.values())
-
-
-def build_tree(corners: Float64) -> tuple[Int64, NDArray[np.float32]]:
-    """A complete binary tree over triangles (t, 3, 3): their order in its leaves, -1 where a leaf has room
-    left, and the boxes (nodes, 2, 4) from the root on, the children of node i being 2 i + 1 and 2 i + 2.
-
-    Each node is cut at the median along the longest side of its centres' box, all nodes of a level at once.
-    """
-    leaves = 1 << max(int(np.ceil(np.log2(max(len(corners), 1) / TRIANGLES_A_LEAF))), 0)
-    room = leaves * TRIANGLES_A_LEAF
-    centers = np.full((room, 3), np.inf)
-    centers[: len(corners)] = corners.mean(axis=1)
-    order = np.arange(room)
-    order[len(corners) :] = -1
-    size = room
-    while size > TRIANGLES_A_LEAF:
-        groups = centers[order].reshape(-1, size, 3)
-        groups[order.reshape(-1, size) < 0] = np.inf
-        finite = np.where(np.isfinite(groups), groups, np.nan)
-        with np.errstate(all="ignore"):
-            extent = np.nan_to_num(_span(finite))
-        axis = extent.argmax(axis=1)
-        along = np.take_along_axis(groups, axis[:, None, None], axis=2)[..., 0]
-        # Empty places sort last, so that the left half is full.
-        rank = np.argsort(along, axis=1, kind="stable")
-        order = np.take_along_axis(order.reshape(-1, size), rank, axis=1).reshape(-1)
-        size //= 2
-    return order, _boxes(corners, order, leaves)
-
-
-def _span(groups: Float64) -> Float64:
-    """Extent (n, 3) of groups (n, size, 3) with NaN for nothing."""
-    low = np.where(np.isnan(groups), np.inf, groups).min(axis=1)
-    high = np.where(np.isnan(groups), -np.inf, groups).max(axis=1)
-    return np.maximum(high - low, 0)
-
-
-def _boxes(corners: Float64, order: Int64, leaves: int) -> NDArray[np.float32]:
-    lower, upper = np.full((2 * leaves - 1, 3), np.inf), np.full((2 * leaves - 1, 3), -np.inf)
-    low = np.full((len(order), 3), np.inf)
-    high = np.full((len(order), 3), -np.inf)
-    kept = order >= 0
-    low[kept], high[kept] = corners[order[kept]].min(axis=1), corners[order[kept]].max(axis=1)
-    lower[leaves - 1 :] = low.reshape(leaves, -1, 3).min(axis=1)
-    upper[leaves - 1 :] = high.reshape(leaves, -1, 3).max(axis=1)
-    first = leaves - 1
-    while first > 0:
-        parents = slice((first - 1) // 2, first)
-        children = slice(first, 2 * first + 1)
-        lower[parents] = lower[children].reshape(-1, 2, 3).min(axis=1)
-        upper[parents] = upper[children].reshape(-1, 2, 3).max(axis=1)
-        first = (first - 1) // 2
-    boxes = np.zeros((2 * leaves - 1, 2, 4), np.float32)
-    # Outward by a rounding of float32; a box of nothing is missed by every ray.
-    pad = 1e-6 * float(np.abs(corners).max() + 1e-30)
-    boxes[:, 0, :3] = np.where(np.isfinite(lower), lower - pad, 3e38)
-    boxes[:, 1, :3] = np.where(np.isfinite(upper), upper + pad, 3e38)
-    return boxes
 
 
 def _collect(scene: Scene, origin: Float64) -> tuple[Float64, np.ndarray, NDArray[np.uint32]]:

@@ -196,9 +196,8 @@ struct DdgiUpdate {  // 80 bytes
     bounce: f32,             // 64
 }
 
-struct TriangleInfo {  // 8 bytes
-    first_leaf: u32,  // 0
-    margin: f32,      // 4
+struct TriangleInfo {  // 4 bytes
+    margin: f32,  // 0
 }
 
 struct TriangleCorner {  // 24 bytes

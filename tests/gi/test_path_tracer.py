@@ -9,7 +9,8 @@ from fit.scene import AlphaMode, Image, Instance, Material, Mesh, Scene, Texture
 from runtime.lights import Illumination, Point, Spot, Sun, choose_illumination
 from runtime.path_tracer import PathTracer
 from runtime.sky import Sky
-from runtime.triangles import TRIANGLES_A_LEAF, Triangles, build_tree
+from runtime.triangle_tree import DEEPEST, TRIANGLES_A_LEAF, build_tree
+from runtime.triangles import Triangles
 
 OUTDOORS = Illumination((Sun((1.0, 0.6, 0.3), 10.0),), Sky.constant((1.0, 1.0, 1.0)))
 
@@ -18,26 +19,54 @@ OUTDOORS = Illumination((Sun((1.0, 0.6, 0.3), 10.0),), Sky.constant((1.0, 1.0, 1
 def test_the_tree_holds_every_triangle_once_and_in_its_boxes(count):
     rng = np.random.default_rng(count)
     corners = rng.normal(size=(count, 1, 3)) * (10, 1, 3) + 0.1 * rng.normal(size=(count, 3, 3))
-    order, boxes = build_tree(corners)
-    assert np.sort(order[order >= 0]).tolist() == list(range(count))
-    leaves = len(order) // TRIANGLES_A_LEAF
-    for place in np.flatnonzero(order >= 0):
-        node = leaves - 1 + place // TRIANGLES_A_LEAF
-        while True:
-            assert np.all(corners[order[place]] >= boxes[node, 0, :3])
-            assert np.all(corners[order[place]] <= boxes[node, 1, :3])
-            if node == 0:
-                break
-            node = (node - 1) // 2
+    order, nodes = build_tree(corners)
+    assert np.sort(order).tolist() == list(range(count))
+    seen = walk(order, nodes, corners)
+    assert sorted(seen) == list(range(count))
+
+
+def walk(order: np.ndarray, nodes: np.ndarray, corners: np.ndarray) -> list[int]:
+    """Places of all triangles that lead down from the root reaches, each checked against the boxes above it;
+    no way is longer than the shader's stack."""
+    words = np.ascontiguousarray(nodes).view(np.uint32)
+    reached: list[int] = []
+    todo = [(0, [0])]
+    while todo:
+        node, way = todo.pop()
+        assert len(way) <= DEEPEST
+        first, count = int(words[node, 0, 3]), int(words[node, 1, 3])
+        if count == 0:
+            todo += [(child, [*way, child]) for child in (first, first + 1)]
+            continue
+        assert count <= TRIANGLES_A_LEAF
+        reached += range(first, first + count)
+        held = corners[order[first : first + count]]
+        assert np.all(held >= nodes[way, 0, :3][:, None, None]) and np.all(
+            held <= nodes[way, 1, :3][:, None, None]
+        )
+    return reached
+
+
+@pytest.mark.parametrize("kind", ["alike", "in a row", "ever smaller"])
+def test_the_tree_of_triangles_that_nothing_parts_is_no_deeper_than_the_stack(kind):
+    """All in one place; and lengths that halve, which a cut by area alone would take off one by one."""
+    scale = {"alike": np.zeros(600), "in a row": np.arange(600.0), "ever smaller": 0.5 ** np.arange(600)}[
+        kind
+    ]
+    corners = np.tile(np.eye(3), (600, 1, 1)) * 1e-3 + scale[:, None, None] * (1, 0, 0)
+    assert sorted(walk(*build_tree(corners), corners)) == list(range(600))
 
 
 def test_the_tree_parts_what_lies_apart():
-    """Median cuts: the mean box of a leaf is far smaller than the whole."""
+    """A leaf's box is far smaller than the whole, and a large triangle does not widen its neighbours'."""
     rng = np.random.default_rng(0)
     corners = rng.uniform(size=(4096, 1, 3)) + 0.001 * rng.normal(size=(4096, 3, 3))
-    _, boxes = build_tree(corners)
-    sizes = np.ptp(boxes[len(boxes) // 2 :, :, :3], axis=1).max(axis=1)
-    assert sizes.mean() < 0.2
+    corners[:16] = [(0, 0, 0), (1, 0, 0), (0, 0, 1)]
+    _, nodes = build_tree(corners)
+    leaves = np.ascontiguousarray(nodes).view(np.uint32)[:, 1, 3] > 0
+    sizes = np.ptp(nodes[leaves][:, :, :3], axis=1).max(axis=1)
+    assert np.mean(sizes > 0.5) < 0.02
+    assert np.median(sizes) < 0.15
 
 
 def test_closed_box_of_glowing_walls(gpu, make_room, inner_surface, mesh_of_boxes):

@@ -4,8 +4,8 @@ import package::structs::{TriangleCorner, TriangleImage, TriangleInfo, TriangleM
 
 @group(1) @binding(0) var<uniform> triangle_info: TriangleInfo;
 
-// Two words of four a node: the corners of its box. The tree is complete: the children of node i are 2 i + 1 and
-// 2 i + 2, its last level are the leaves.
+// Two words of four a node: the corners of its box, and in w, as unsigned numbers, the first triangle of a leaf or the
+// first of two children, and the triangles of a leaf, 0 for other nodes.
 @group(1) @binding(1) var<storage, read> triangle_nodes: array<vec4f>;
 
 // Three words of four a triangle: corner with the material's index in w, and the two edges from it.

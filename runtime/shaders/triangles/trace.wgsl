@@ -1,10 +1,9 @@
-// First hits of rays on the scene's triangles (Moeller and Trumbore 1997), down a complete tree of boxes.
+// First hits of rays on the scene's triangles (Moeller and Trumbore 1997), down a tree of boxes, nearer ones first.
 
-import package::triangles::bindings::{triangle_faces, triangle_info, triangle_nodes};
+import package::triangles::bindings::{triangle_faces, triangle_nodes};
 import package::triangles::surface::{surface_is_open};
 
 const NO_TRIANGLE: u32 = 0xffffffffu;
-const TRIANGLES_A_LEAF: u32 = 4u;
 const STACK: u32 = 32u;
 
 struct TriangleHit {
@@ -28,10 +27,9 @@ fn triangles_entry(node: u32, origin: vec3f, inverse: vec3f, reach: f32) -> f32 
     return select(3.0e38, entry, entry <= exit && entry < reach);
 }
 
-fn triangles_leaf(leaf: u32, origin: vec3f, direction: vec3f, best: TriangleHit) -> TriangleHit {
+fn triangles_leaf(begin: u32, end: u32, origin: vec3f, direction: vec3f, best: TriangleHit) -> TriangleHit {
     var hit = best;
-    for (var i = 0u; i < TRIANGLES_A_LEAF; i++) {
-        let triangle = TRIANGLES_A_LEAF * leaf + i;
+    for (var triangle = begin; triangle < end; triangle++) {
         let first = triangle_faces[3u * triangle + 1u].xyz;
         let second = triangle_faces[3u * triangle + 2u].xyz;
         let across = cross(direction, second);
@@ -69,19 +67,20 @@ fn triangles_trace(origin: vec3f, direction: vec3f, reach: f32, any_hit: bool) -
         if entries[depth] >= hit.t {
             continue;
         }
-        if node >= triangle_info.first_leaf {
-            hit = triangles_leaf(node - triangle_info.first_leaf, origin, direction, hit);
+        let first = bitcast<u32>(triangle_nodes[2u * node].w);
+        let count = bitcast<u32>(triangle_nodes[2u * node + 1u].w);
+        if count > 0u {
+            hit = triangles_leaf(first, first + count, origin, direction, hit);
             if any_hit && hit.triangle != NO_TRIANGLE {
                 return hit;
             }
             continue;
         }
-        let left = 2u * node + 1u;
-        let left_entry = triangles_entry(left, origin, inverse, hit.t);
-        let right_entry = triangles_entry(left + 1u, origin, inverse, hit.t);
+        let left_entry = triangles_entry(first, origin, inverse, hit.t);
+        let right_entry = triangles_entry(first + 1u, origin, inverse, hit.t);
         let left_is_near = left_entry <= right_entry;
-        let far = select(left, left + 1u, left_is_near);
-        let near = select(left + 1u, left, left_is_near);
+        let far = select(first, first + 1u, left_is_near);
+        let near = select(first + 1u, first, left_is_near);
         let far_entry = max(left_entry, right_entry);
         if far_entry < hit.t {
             nodes[depth] = far;
