@@ -92,20 +92,26 @@ class TriangleTree:
     def _all_frames(self) -> Float64:
         return plane_frames(self._vertices - self.center)
 
-    def nearest(self, points: Float64) -> tuple[Float64, Int64]:
-        """Unsigned distance (p,) from points (p, 3) to the triangles, and the nearest triangle (p,)."""
+    def nearest(self, points: Float64, within: float = np.inf) -> tuple[Float64, Int64]:
+        """Unsigned distance (p,) from points (p, 3) to the triangles, and the nearest triangle (p,).
+
+        Beyond `within`, any triangle and its distance may stand for the nearest: that is told sooner.
+        """
         points = points - self.center
         distance, triangle = np.empty(len(points)), np.empty(len(points), np.int64)
         for start in range(0, len(points), _QUERIES_AT_ONCE):
             part = slice(start, start + _QUERIES_AT_ONCE)
-            distance[part], triangle[part] = self._nearest_chunk(points[part])
+            distance[part], triangle[part] = self._nearest_chunk(points[part], within)
         return distance, triangle
 
-    def _nearest_chunk(self, points: Float64) -> tuple[Float64, Int64]:
+    def _nearest_chunk(self, points: Float64, within: float) -> tuple[Float64, Int64]:
         guess = self._leaves.guessed[self._leaves.guesses.query(points)[1]]
         guessed = squared_distances(points, self._frames(guess))
         slack = _ROUNDING * (self.diagonal**2 + guessed)
-        best = _Best(np.minimum(np.nextafter(guessed, 0), self._descended(points) + slack), slack)
+        limit = np.minimum(np.nextafter(guessed, 0), within**2 + slack)
+        if len(self._leaves.guessed) < len(self._leaves.triangles):
+            limit = np.minimum(limit, self._descended(points) + slack)
+        best = _Best(limit, slack)
         self._search(points, best, 0, np.arange(len(points)), np.zeros(len(points), np.int64))
         better = best.squared < guessed
         return np.sqrt(np.where(better, best.squared, guessed)), np.where(better, best.triangle, guess)

@@ -290,8 +290,8 @@ class _TurnedTree(TriangleTree):
         self._inner, self._pose = tree, pose
         self.center, self.diagonal = pose.outwards(tree.center), tree.diagonal * pose.unit
 
-    def nearest(self, points: Float64) -> tuple[Float64, Int64]:
-        distance, triangle = self._inner.nearest(self._pose.inwards(points))
+    def nearest(self, points: Float64, within: float = np.inf) -> tuple[Float64, Int64]:
+        distance, triangle = self._inner.nearest(self._pose.inwards(points), within / self._pose.unit)
         return distance * self._pose.unit, triangle
 
     def first_hit(self, origins: Float64, directions: Float64) -> tuple[Float64, Int64]:
@@ -336,8 +336,10 @@ class TurnedAir(Air):
     inner: Air
     pose: Pose
 
-    def random_points_and_distances(self, count: int, seed: int) -> tuple[Float64, Float64]:
-        points, distances = self.inner.random_points_and_distances(count, seed)
+    def random_points_and_distances(
+        self, count: int, seed: int, within: float = np.inf
+    ) -> tuple[Float64, Float64]:
+        points, distances = self.inner.random_points_and_distances(count, seed, within / self.pose.unit)
         return self.pose.outwards(points), distances * self.pose.unit
 
 

@@ -30,6 +30,10 @@ OUTSIDE = 1
 
 _BLOCK = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 """A cell and its 26 neighbours."""
+
+_FAR_CELLS = 2.7
+"""Farther from a point no centre of those lies: what room it has beyond that tells no more."""
+
 _TOUCH_SLOPE = 0.35
 """Cosine, from the normal, of the most slanting sight line along which a space touches a surface."""
 
@@ -96,7 +100,7 @@ class Air:
         surface (`distance`, when it is known already): the ball between them is empty.
         """
         if distance is None:
-            distance = self.tree.nearest(points)[0]
+            distance = self.tree.nearest(points, _FAR_CELLS * self.cell)[0]
         cells = self.grid.cells_of(points)
         found = np.zeros(len(points), np.int32)
         closest = distance**2
@@ -150,10 +154,12 @@ class Air:
 
     def random_points(self, count: int, seed: int) -> Float64:
         """Points (count, 3), uniform in the air within the grid; none when nothing is air."""
-        return self.random_points_and_distances(count, seed)[0]
+        return self.random_points_and_distances(count, seed, _FAR_CELLS * self.cell)[0]
 
-    def random_points_and_distances(self, count: int, seed: int) -> tuple[Float64, Float64]:
-        """`random_points`, and their distance (count,) to the surface."""
+    def random_points_and_distances(
+        self, count: int, seed: int, within: float = np.inf
+    ) -> tuple[Float64, Float64]:
+        """`random_points`, and their distance (count,) to the surface, or a bound of it beyond `within`."""
         rng = np.random.default_rng(seed)
         around = np.flatnonzero(ndimage.binary_dilation(self.free, np.ones((3, 3, 3), bool)))
         points, distances = np.zeros((0, 3)), np.zeros(0)
@@ -161,7 +167,7 @@ class Air:
             drawn = rng.choice(around, size=count + count // 8 + 64)
             cells = np.stack(np.unravel_index(drawn, self.grid.shape), axis=1)
             new = self.origin + (cells + rng.random((len(cells), 3))) * self.cell
-            distance = self.tree.nearest(new)[0]
+            distance = self.tree.nearest(new, max(within, _FAR_CELLS * self.cell))[0]
             kept = self.is_air(new, distance)
             points, distances = (
                 np.concatenate([points, new[kept]]),

@@ -20,6 +20,8 @@ MOST_PIECES = 64
 _WELD_BITS = 20
 """Vertices nearer than 2^-20 of the mesh's size are one, however the file's seams have split them."""
 
+_TRIANGLES_AT_ONCE = 1 << 16
+
 
 @dataclass(frozen=True)
 class Parts:
@@ -57,28 +59,37 @@ def mesh_pieces(mesh: Mesh) -> Int64:
     """The connected piece (m,) of each triangle, the largest by area first; at most `MOST_PIECES`."""
     if len(mesh.triangles) == 0:
         return np.zeros(0, np.int64)
-    vertex = _welded(mesh.positions)[mesh.triangles]
-    count = int(vertex.max()) + 1
-    ends = np.concatenate([vertex[:, [0, 1]], vertex[:, [1, 2]]])
-    links = coo_array((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(count, count))
-    _, of_vertex = connected_components(links, directed=False)
-    piece = of_vertex[vertex[:, 0]]
-    corners = mesh.positions[mesh.triangles]
-    double_areas = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
-    area = np.bincount(piece, weights=double_areas)
+    piece = _connected(_welded(mesh.positions)[mesh.triangles])
+    area = np.bincount(piece, weights=_double_areas(mesh))
     rank = np.empty(len(area), np.int64)
     rank[np.argsort(-area, kind="stable")] = np.arange(len(area))
     return np.minimum(rank, MOST_PIECES - 1)[piece]
 
 
-def _welded(positions: Float64) -> Int64:
+def _connected(vertices: NDArray[np.int32]) -> Int64:
+    """The component (m,) of each triangle (m, 3)."""
+    count = int(vertices.max()) + 1
+    ends = vertices[:, :2].ravel(), vertices[:, 1:].ravel()
+    links = coo_array((np.ones(len(ends[0]), bool), ends), shape=(count, count))
+    return connected_components(links, directed=False)[1][vertices[:, 0]].astype(np.int64)
+
+
+def _double_areas(mesh: Mesh) -> Float64:
+    """Twice the area (m,) of each triangle; of millions, some at a time."""
+    areas = np.empty(len(mesh.triangles))
+    for start in range(0, len(areas), _TRIANGLES_AT_ONCE):
+        part = slice(start, start + _TRIANGLES_AT_ONCE)
+        a, b, c = (mesh.positions[mesh.triangles[part, k]] for k in range(3))
+        areas[part] = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return areas
+
+
+def _welded(positions: Float64) -> NDArray[np.int32]:
     """One number for each vertex (n,), equal where positions are."""
     lower = positions.min(axis=0)
     size = float((positions.max(axis=0) - lower).max())
     if not size > 0:
-        return np.zeros(len(positions), np.int64)
+        return np.zeros(len(positions), np.int32)
     steps = np.rint((positions - lower) * ((1 << _WELD_BITS) / size)).astype(np.int64)
     keys = (steps[:, 0] << 42) | (steps[:, 1] << 21) | steps[:, 2]
-    return np.unique(keys, return_inverse=True)[1].astype(np.int64)
+    return np.unique(keys, return_inverse=True)[1].astype(np.int32)

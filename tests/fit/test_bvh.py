@@ -61,6 +61,18 @@ def test_points_as_far_from_all_triangles_are_searched_part_by_part(monkeypatch)
     assert all(e[t] == e.min() for e, t in zip(exact, triangle, strict=True))
 
 
+def test_what_is_near_is_found_whatever_else_is_not_looked_for():
+    triangles, points = soup(), np.random.default_rng(1).uniform(-2, 3, (400, 3))
+    tree = TriangleTree(triangles)
+    exact, triangle = tree.nearest(points)
+    distance, found = tree.nearest(points, within=0.2)
+    near = exact < 0.2
+    assert 10 < near.sum() < 390
+    np.testing.assert_array_equal(distance[near], exact[near])
+    np.testing.assert_array_equal(found[near], triangle[near])
+    assert (distance[~near] >= exact[~near]).all()
+
+
 def test_nearest_on_needles_and_slivers_keeps_its_digits():
     needle = np.array([[[0, 0, 0], [1e4, 0, 0], [5e3, 1e-3, 0]]], float)
     points = np.array([[5e3, -1.0, 0], [5e3, 5e-4, 2.0], [-3.0, 4.0, 0.0], [1e4 + 1, 0, 0]])
