@@ -187,6 +187,7 @@ def render_scene(
     view: str = "final",
     samples: int = render.DEFAULT_SAMPLES,
     noise: float | None = None,
+    glossy: Annotated[bool, Flag] = False,
     json: Annotated[bool, Flag] = False,
 ) -> int:
     """Render a glTF scene, lit through its primitives.
@@ -200,7 +201,8 @@ def render_scene(
     set_
         The scene's primitives, from convert; without it the scene is converted first.
     gi
-        The global illumination technique; none shows direct light alone. reference path traces the mesh
+        The global illumination technique; none shows direct light alone. ddgi-triangles is DDGI that sees the
+        mesh itself, ddgi-cascades has four grids of probes around the camera. reference path traces the mesh
         with Mitsuba (pip install 'sdfprim[reference]'), reference-gpu with the runtime: the truth, to compare
         with. References are kept in the user's cache folder.
     camera
@@ -229,6 +231,8 @@ def render_scene(
         Of a reference: paths for each pixel.
     noise
         Of a reference: end once the mean absolute noise is this share of the mean, such as 0.02.
+    glossy
+        Smooth surfaces and metals reflect; without it every surface is diffuse, as in comparisons.
     json
         Print the report as JSON.
     """
@@ -236,7 +240,7 @@ def render_scene(
     lighting = render.LightingOptions(sun, sky, lights == "file")
     settings = render.PictureSettings(
         scene, output, set_, gi, camera, lighting, exposure, scale, aov, parse_size(size), frames, view,
-        samples, noise,
+        samples, noise, glossy,
     )  # fmt: skip
     with terminal.progress() as update:
         report = render.run(settings, update)

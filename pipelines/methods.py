@@ -34,9 +34,11 @@ METHODS: Mapping[str, Method] = {
     "sdfddgi": Method("sdfddgi"),
     "ddgi": Method("ddgi"),
     "ddgi-triangles": Method("ddgi", {"tracer": "triangles"}),
+    "ddgi-cascades": Method("ddgi", {"cascades": 4}),
     "none": Method("none"),
 }
-"""`ddgi-triangles` is DDGI as ray-tracing hardware would run it: it sees the mesh and not the primitives."""
+"""`ddgi-triangles` is DDGI as ray-tracing hardware would run it: it sees the mesh and not the primitives.
+`ddgi-cascades` has its probes in four grids of 32 x 4 x 32 around the camera, whatever grid is asked for."""
 
 
 def find_method(name: str) -> Method:

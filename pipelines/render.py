@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from fit.spaces import Air
     from runtime.renderer import Result
 
-Technique = Literal["sdfddgi", "ddgi", "none", "reference", "reference-gpu"]
+Technique = Literal[
+    "sdfddgi", "ddgi", "ddgi-triangles", "ddgi-cascades", "none", "reference", "reference-gpu"
+]
 
 REFERENCES = ("reference", "reference-gpu")
 """Path tracers of the mesh itself: Mitsuba's, and the runtime's."""
@@ -40,7 +42,7 @@ class PictureSettings:
     one frame and no technique, whatever `frames` and `gi` say.
 
     samples, noise: of a reference, paths a pixel, and the mean absolute noise, a share of the mean, at which
-    to end before.
+    to end before. glossy: smooth surfaces and metals reflect.
     """
 
     scene: Path
@@ -57,6 +59,7 @@ class PictureSettings:
     view: str = "final"
     samples: int = DEFAULT_SAMPLES
     noise: float | None = None
+    glossy: bool = False
 
 
 def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
@@ -94,7 +97,7 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
 
     began = time.perf_counter()
     views = (settings.view, *(AOV_LAYERS if settings.aov else ()))
-    result = studio.render(primitives, settings.gi, settings.frames, views, done)
+    result = studio.render(primitives, settings.gi, settings.frames, views, done, glossy=settings.glossy)
     seconds = time.perf_counter() - began
     write_picture(settings, result)
     return (
@@ -157,6 +160,10 @@ def check(settings: PictureSettings) -> None:
     if not np.isfinite(settings.exposure):
         raise UsageError(f"--exposure {settings.exposure}: give a finite number of stops")
     is_technique_view = "/" in settings.view  # those are known when the technique runs
+    if settings.gi in REFERENCES and settings.glossy:
+        raise UsageError(
+            f"--glossy: --gi {settings.gi} takes every surface for diffuse; leave one of them out"
+        )
     if settings.gi in REFERENCES and is_technique_view:
         raise UsageError(f"--view {settings.view}: --gi {settings.gi} has no such view")
     if settings.view not in VIEWS and not is_technique_view:

@@ -116,17 +116,19 @@ class Studio:
         views: tuple[str, ...] = (),
         done: FrameDone | None = None,
         probes: ProbesOption | None = None,
+        glossy: bool = False,
         **options: Any,
     ) -> Result:
         """Renders `frames` frames and returns the last one: its views, and the medians of its passes' times.
 
-        technique: one of `methods.METHODS`; probes: how fine they stand; options: further settings of the
-        technique. On a software adapter all but the last few frames bring only the light up to date.
+        technique: one of `methods.METHODS`; probes: how fine they stand; glossy: with reflections; options:
+        further settings of the technique. On a software adapter all but the last few frames bring only the
+        light up to date.
         """
         from runtime.renderer import Renderer
 
         whole = min(frames, SOFTWARE_WHOLE_FRAMES) if self.gpu.is_software else frames
-        settings = self.settings(technique, primitives, probes, **options)
+        settings = replace(self.settings(technique, primitives, probes, **options), glossy=glossy)
         renderer = Renderer(self.gpu, self.scene, primitives, settings, self.illumination)
         return renderer.render(
             self.view.camera, frames=whole, settle=frames - whole, only=views, progress=done

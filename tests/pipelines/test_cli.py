@@ -79,7 +79,7 @@ def test_every_option_of_convert_arrives(sdfprim: Callable[..., Any], seen: list
         ("render {wall} -o {out}/a.png --aov", "a.exr"),
         ("render {wall} -o {out}/no/a.png", "make it first"),
         ("render {wall} -o {out}/a.png --size 640", "640x360"),
-        ("render {wall} -o {out}/a.png --gi path", 'Choose from: "sdfddgi", "ddgi", "none"'),
+        ("render {wall} -o {out}/a.png --gi path", 'Choose from: "sdfddgi", "ddgi", "ddgi-triangles"'),
         ("render {wall} -o {out}/a.png --view depht", "there are final"),
         ("render {wall} -o {out}/a.png --sun 1,2,3", "x,y,z,strength"),
         ("render {wall} -o {out}/a.png --sky dusk.hdr", "no such file"),

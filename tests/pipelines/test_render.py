@@ -87,6 +87,18 @@ def test_a_techniques_own_view(render: Callable[..., Any], tmp_path: Path) -> No
     assert "sdfddgi/probe-atlas" in ran.err
 
 
+def test_reflections_are_asked_for_and_no_reference_has_them(
+    render: Callable[..., Any], tmp_path: Path
+) -> None:
+    output = ("-o", tmp_path / "a.png", "--frames", "1")
+    ran = render(*output, "--gi", "ddgi-triangles", "--glossy", "--view", "glossy/mirror", "--json")
+    assert ran.code == 0, ran.err
+    assert "glossy/trace_mirror" in ran.report["passes_ms"]
+    refused = render(*output, "--gi", "reference-gpu", "--glossy")
+    assert refused.code == 2
+    assert "takes every surface for diffuse" in refused.err
+
+
 def test_views_without_light_take_one_frame(render: Callable[..., Any], tmp_path: Path) -> None:
     ran = render("-o", tmp_path / "a.png", "--view", "side-by-side", "--json")
     assert ran.code == 0, ran.err
