@@ -90,7 +90,7 @@ def test_a_techniques_own_view(render: Callable[..., Any], tmp_path: Path) -> No
 def test_reflections_are_asked_for_and_no_reference_has_them(
     render: Callable[..., Any], tmp_path: Path
 ) -> None:
-    output = ("-o", tmp_path / "a.png", "--frames", "1")
+    output = ("-o", tmp_path / "a.png")
     ran = render(*output, "--gi", "ddgi-triangles", "--glossy", "--view", "glossy/mirror", "--json")
     assert ran.code == 0, ran.err
     assert "glossy/trace_mirror" in ran.report["passes_ms"]
