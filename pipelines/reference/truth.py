@@ -58,8 +58,9 @@ class Reference:
         # `path` takes cut-outs for walls on the way to a lamp; `volpath` does not, and costs more.
         has_cutouts = any(shape["bsdf"]["type"] == "mask" for shape in shapes.values())
         kind = "volpath" if has_cutouts else "path"
-        dark = {name: mi.load_dict(_without_emission(shape)) for name, shape in shapes.items()}
-        bright = {name: shape if "emitter" in shape else dark[name] for name, shape in shapes.items()}
+        painted = _load_surfaces(mi, shapes)
+        dark = {name: mi.load_dict(_without_emission(shape)) for name, shape in painted.items()}
+        bright = {name: shape if "emitter" in shape else dark[name] for name, shape in painted.items()}
         path = {"type": kind, "max_depth": -1, "rr_depth": ROULETTE_DEPTH}
         self._scene = _load_scene(mi, path, bright, lights)
         # One scene for each lamp: from among several, Mitsuba would choose by chance.
@@ -148,6 +149,13 @@ class Reference:
 
     def _render(self, scene: Any, sensor: Any, samples: int, seed: int) -> Float64:
         return np.array(self._mi.render(scene, sensor=sensor, spp=samples, seed=seed), np.float64)[..., :3]
+
+
+def _load_surfaces(mi: Any, shapes: dict[str, Any]) -> dict[str, Any]:
+    """Shapes with their BSDFs loaded: one that several share, with all its textures, once."""
+    bsdfs = {id(shape["bsdf"]): shape["bsdf"] for shape in shapes.values()}
+    loaded = {key: mi.load_dict(bsdf) for key, bsdf in bsdfs.items()}
+    return {name: {**shape, "bsdf": loaded[id(shape["bsdf"])]} for name, shape in shapes.items()}
 
 
 def _without_emission(shape: dict[str, Any]) -> dict[str, Any]:
