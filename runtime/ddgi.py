@@ -121,8 +121,8 @@ class Ddgi:
 
     def record(self, rec: Recorder, frame: FrameLight) -> None:
         """Moves probes where the world changed, traces those whose turn it is, blends what they saw."""
-        is_changed = self.world.version != self._seen_version
-        self._seen_version = self.world.version
+        is_changed = self.tracer.version != self._seen_version
+        self._seen_version = self.tracer.version
         due = [update for update in self._updates if self._is_due(update, frame)]
         for update in self._updates:
             update.since_change = 0 if is_changed else update.since_change

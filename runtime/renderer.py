@@ -133,6 +133,7 @@ class Renderer:
     def move_instances(self, instances: dict[int, Float64]) -> None:
         """Places drawn instances (index into `scene.instances` -> world_from_local); the primitives stay."""
         self.meshes.move(instances)
+        self.technique.tracer.move(instances)
         self._lights.invalidate()
         self._light_version += 1  # the reflective shadow maps show something else
 
@@ -279,7 +280,8 @@ class Renderer:
 
     def notes(self) -> tuple[str, ...]:
         """What a user should know of how this scene is drawn."""
-        return (*self.illumination.notes, *self.meshes.notes, *self._lights.notes)
+        notes = (*self.meshes.notes, *self._lights.notes, *self.technique.tracer.notes)
+        return (*self.illumination.notes, *notes)
 
 
 def _medians(history: Sequence[Mapping[str, float | None]]) -> dict[str, float | None]:

@@ -12,6 +12,7 @@ kernels that import them:
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Protocol
 
 from fit.scene import Float64, Scene
@@ -28,6 +29,10 @@ class SceneTracer(Protocol):
     folder: str
 
     @property
+    def version(self) -> int:
+        """A number that changes with what it traces."""
+
+    @property
     def notes(self) -> tuple[str, ...]: ...
 
     @property
@@ -36,6 +41,9 @@ class SceneTracer(Protocol):
 
     def bindings(self) -> Mapping[str, Any]:
         """Group 1 of every kernel that imports it."""
+
+    def move(self, instances: Mapping[int, Float64]) -> None:
+        """Takes notice of instances of the scene that stand elsewhere (index -> world_from_local)."""
 
 
 class PrimitiveTracer:
@@ -48,20 +56,26 @@ class PrimitiveTracer:
     def __init__(self, world: World) -> None:
         self._world = world
 
+    @property
+    def version(self) -> int:
+        return self._world.version
+
     def bindings(self) -> Mapping[str, Any]:
         return self._world.bindings()
 
+    def move(self, instances: Mapping[int, Float64]) -> None:
+        """Meshes move without their primitives, which `World.update` replaces."""
+
 
 class TriangleTracer:
-    """Rays down a tree of boxes over the scene's triangles, as ray tracing hardware has it.
-
-    The triangles stay where they were when it was made.
-    """
+    """Rays down a tree of boxes over the scene's triangles, as ray tracing hardware has it."""
 
     folder = "triangles"
 
     def __init__(self, gpu: Gpu, scene: Scene, origin: Float64) -> None:
+        self._gpu, self._scene, self._origin = gpu, scene, origin
         self._triangles = Triangles(gpu, scene, origin)
+        self.version = 0
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -73,6 +87,15 @@ class TriangleTracer:
 
     def bindings(self) -> Mapping[str, Any]:
         return self._triangles.bindings()
+
+    def move(self, instances: Mapping[int, Float64]) -> None:
+        """Builds the tree anew, which takes a second or more for a large scene."""
+        placed = list(self._scene.instances)
+        for index, matrix in instances.items():
+            placed[index] = replace(placed[index], world_from_local=matrix)
+        self._scene = replace(self._scene, instances=tuple(placed))
+        self._triangles = Triangles(self._gpu, self._scene, self._origin)
+        self.version += 1
 
 
 def open_tracer(name: str, gpu: Gpu, world: World) -> SceneTracer:

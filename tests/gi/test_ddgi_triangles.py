@@ -64,6 +64,23 @@ def test_probes_that_see_many_backs_are_off(make_stage, mesh_of_boxes, double_si
         assert abs(states[1, 0] + stage.world.origin[0] - 1.0) > 0.15 + 0.1
 
 
+def test_instances_that_move_are_seen_where_they_are(make_stage, mesh_of_boxes):
+    """A lamp over a point goes away, and comes back."""
+    lamp = make_box((0, 1, 0), (2, 0.1, 2))
+    scene = mesh_of_boxes(lamp, Material(base_color=(0, 0, 0, 1), emission=(1, 1, 1)))
+    grid = ProbeGrid((-0.5, -0.5, -0.5), 1.0, (2, 2, 2))
+    stage = make_stage("ddgi", lamp, scene=scene, tracer="triangles", grid=grid, hysteresis=0.0)
+    found = []
+    for height in (0.0, 50.0, 0.0):
+        matrix = scene.instances[0].world_from_local.copy()
+        matrix[1, 3] += height
+        stage.technique.tracer.move({0: matrix})
+        found.append(stage.run(2).irradiance([(0, 0, 0)], [(0, 1, 0)]).mean())
+    assert found[0] > 1.0
+    assert found[1] < 0.02
+    assert found[2] == pytest.approx(found[0], rel=0.1)
+
+
 def test_a_tracer_that_cannot_be_is_refused(make_stage):
     block = make_box((0, 0, 0), (1, 1, 1))
     with pytest.raises(ValueError, match="no tracer 'voxels'; there are primitives, triangles"):
