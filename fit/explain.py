@@ -243,25 +243,42 @@ def _claim_by_few(
     patches: Patches, fragments: list[Fragment], boxes: list[Fragment], left: Int64
 ) -> tuple[list[Fragment], Int64]:
     """`_claim` with the boxes that it takes: those of cells that a round side cuts unseen are left out."""
-    claimed, rest = _claim(patches, fragments + boxes, left)
+    off = _distances(patches, fragments + boxes, left)
+    claimed, rest = _claim(patches, fragments + boxes, left, off)
     for box in boxes:
         fewer = [b for b in boxes if b is not box]
         if not fragments + fewer:
             break
-        others, without = _claim(patches, fragments + fewer, left)
+        others_off = np.delete(off, len(fragments) + _place(boxes, box), axis=0)
+        others, without = _claim(patches, fragments + fewer, left, others_off)
         if len(without) == len(rest):
-            claimed, boxes = others, fewer
+            claimed, boxes, off = others, fewer, others_off
     return claimed, rest
 
 
-def _claim(patches: Patches, fragments: list[Fragment], left: Int64) -> tuple[list[Fragment], Int64]:
+def _place(boxes: list[Fragment], box: Fragment) -> int:
+    return next(k for k, other in enumerate(boxes) if other is box)
+
+
+def _distances(patches: Patches, fragments: list[Fragment], left: Int64) -> Float64:
+    """How far (n, 4 t) corners and middles of the triangles of `left` are off the faces of n fragments."""
+    facets = patches.facets
+    corners = facets.points[facets.triangles[_triangles_of(facets, left)]]
+    points = np.concatenate([corners, corners.mean(axis=1)[:, None]], axis=1).reshape(-1, 3)
+    return np.array([np.abs(distances_to_one(f.shape(), 0, points)) for f in fragments])
+
+
+def _triangles_of(facets: Facets, left: Int64) -> Int64:
+    return np.flatnonzero(np.isin(facets.of_triangle, left))
+
+
+def _claim(
+    patches: Patches, fragments: list[Fragment], left: Int64, off: Float64
+) -> tuple[list[Fragment], Int64]:
     """Fragments with the facets of `left` that lie on their faces, be it piece by piece; the facets left."""
     facets = patches.facets
     reach = 20 * facets.tolerance
-    rows = np.flatnonzero(np.isin(facets.of_triangle, left))
-    corners = facets.points[facets.triangles[rows]]
-    points = np.concatenate([corners, corners.mean(axis=1)[:, None]], axis=1).reshape(-1, 3)
-    off = np.array([np.abs(distances_to_one(f.shape(), 0, points)) for f in fragments])
+    rows = _triangles_of(facets, left)
     astray = np.bincount(
         facets.of_triangle[rows], (off.min(axis=0) > reach).reshape(-1, 4).any(axis=1), len(facets)
     )

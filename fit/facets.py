@@ -7,14 +7,12 @@ in a concave one. So facets that hang together by convex edges, a *patch*, belon
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from fit.adjacency import components, find_partners, half_edges, split_at_vertices
 from fit.scene import Float64
 
 Int64 = NDArray[np.int64]
@@ -28,12 +26,6 @@ _NARROW = 0.005
 
 _SHORT = 20
 """Times the tolerance: edges of less length link no facets."""
-
-_MOST_OPEN = 2_000
-"""Edges without a partner that are searched for vertices on them; a mesh with more is open."""
-
-_MOST_CROWDED = 20_000
-"""Edges of more than two triangles that are untangled."""
 
 
 @dataclass(frozen=True)
@@ -80,12 +72,12 @@ def find_facets(corners: Float64, tolerance: float) -> Facets:
     normals, areas, heights = _measure(points[triangles])
     # A triangle that welding or rounding flattened bounds nothing; its neighbours then meet in T-junctions.
     solid = heights > tolerance
-    tri, start, end = _half_edges(triangles, solid)
-    partner = _partners(points, normals, tri, start, end)
+    tri, start, end = half_edges(triangles, solid)
+    partner = find_partners(points, normals, tri, start, end)
     if (partner < 0).any():
-        tri, start, end = _split_at_vertices(points, tri, start, end, partner, tolerance)
-        partner = _partners(points, normals, tri, start, end)
-    shell = _components(len(triangles), tri, np.where(partner >= 0, tri[partner], tri))
+        tri, start, end = split_at_vertices(points, tri, start, end, partner, tolerance)
+        partner = find_partners(points, normals, tri, start, end)
+    shell = components(len(triangles), tri, np.where(partner >= 0, tri[partner], tri))
     is_open = np.bincount(shell, weights=np.bincount(tri, partner < 0, len(triangles))) > 0
     closed = solid & ~is_open[shell]
     rows = np.flatnonzero((partner > np.arange(len(partner))) & closed[tri])
@@ -105,15 +97,10 @@ def weld(corners: Float64, tolerance: float) -> tuple[Float64, Int64]:
     points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
     if len(pairs):
-        cluster = _components(len(points), pairs[:, 0], pairs[:, 1])
+        cluster = components(len(points), pairs[:, 0], pairs[:, 1])
         first = np.unique(cluster, return_index=True)[1]
         points, index = points[first], cluster[index]
     return points, index.reshape(-1, 3).astype(np.int64)
-
-
-def _components(count: int, a: Int64, b: Int64) -> Int64:
-    links = coo_array((np.ones(len(a), bool), (a, b)), shape=(count, count))
-    return connected_components(links, directed=False)[1].astype(np.int64)
 
 
 def _measure(corners: Float64) -> tuple[Float64, Float64, Float64]:
@@ -124,90 +111,6 @@ def _measure(corners: Float64) -> tuple[Float64, Float64, Float64]:
     longest = np.linalg.norm(edges, axis=2).max(axis=1)
     tiny = np.finfo(float).tiny
     return cross / np.maximum(double, tiny)[:, None], double / 2, double / np.maximum(longest, tiny)
-
-
-# ----------------------------------------------------------------------------------------------- adjacency
-
-
-def _half_edges(triangles: Int64, solid: Bool) -> tuple[Int64, Int64, Int64]:
-    """Triangle, first and second vertex of each directed side."""
-    rows = np.flatnonzero(solid)
-    kept = triangles[rows]
-    return np.tile(rows, 3), kept.T.reshape(-1), np.roll(kept, -1, axis=1).T.reshape(-1)
-
-
-def _partners(points: Float64, normals: Float64, tri: Int64, start: Int64, end: Int64) -> Int64:
-    """The half-edge (h,) across each edge, -1 where there is none.
-
-    Where more than two triangles share an edge, those are partners that bound the narrowest wedge of solid:
-    so boxes that touch along an edge or a face stay two.
-    """
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    order = np.lexsort((high, low))
-    new = np.ones(len(order), bool)
-    new[1:] = (low[order][1:] != low[order][:-1]) | (high[order][1:] != high[order][:-1])
-    first = np.flatnonzero(new)
-    counts = np.diff(np.append(first, len(order)))
-    partner = np.full(len(tri), -1)
-    a, b = order[first[counts == 2]], order[first[counts == 2] + 1]
-    opposite = start[a] == end[b]
-    partner[a[opposite]], partner[b[opposite]] = b[opposite], a[opposite]
-    for k in np.flatnonzero(counts > 2)[:_MOST_CROWDED]:
-        crowd = order[first[k] : first[k] + counts[k]]
-        _untangle(points, normals, tri, start, end, crowd, partner)
-    return partner
-
-
-def _untangle(
-    points: Float64, normals: Float64, tri: Int64, start: Int64, end: Int64, group: Int64, partner: Int64
-) -> None:
-    """Pairs the half-edges of one crowded edge, narrowest wedges of solid first."""
-    axis = points[end[group[0]]] - points[start[group[0]]]
-    axis /= np.linalg.norm(axis)
-    forward = start[group] == start[group[0]]
-    inward = np.cross(normals[tri[group]], np.where(forward[:, None], axis, -axis))
-    wedges = []
-    for i in np.flatnonzero(forward):
-        for j in np.flatnonzero(~forward):
-            angle = np.arctan2(-inward[j] @ normals[tri[group[i]]], inward[j] @ inward[i]) % (2 * np.pi)
-            wedges.append((angle if angle > 1e-6 else 2 * np.pi, int(group[i]), int(group[j])))
-    for _, there, back in sorted(wedges):
-        if partner[there] < 0 and partner[back] < 0:
-            partner[there], partner[back] = back, there
-
-
-def _split_at_vertices(
-    points: Float64, tri: Int64, start: Int64, end: Int64, partner: Int64, tolerance: float
-) -> tuple[Int64, Int64, Int64]:
-    """Half-edges without a partner are cut at the vertices of others that lie on them (T-junctions)."""
-    rows = np.flatnonzero(partner < 0)
-    if len(rows) > _MOST_OPEN:
-        return tri, start, end
-    loose = np.unique(np.concatenate([start[rows], end[rows]]))
-    kept = np.ones(len(tri), bool)
-    pieces: list[tuple[int, int, int]] = []
-    for row in rows:
-        origin, along = points[start[row]], points[end[row]] - points[start[row]]
-        length = float(np.linalg.norm(along))
-        offset = points[loose] - origin
-        place = offset @ along / length
-        beside = np.linalg.norm(offset - np.outer(place, along / length), axis=1)
-        on = (beside <= 2 * tolerance) & (place > 0) & (place < length)
-        on &= (loose != start[row]) & (loose != end[row])
-        if on.any():
-            kept[row] = False
-            chain = [
-                int(start[row]),
-                *loose[on][np.argsort(place[on], kind="stable")].tolist(),
-                int(end[row]),
-            ]
-            pieces += [(int(tri[row]), u, v) for u, v in pairwise(chain)]
-    if not pieces:
-        return tri, start, end
-    added = np.array(pieces, np.int64).T
-    whole = np.stack([tri, start, end])[:, kept]
-    joined = np.concatenate([whole, added], axis=1)
-    return joined[0], joined[1], joined[2]
 
 
 # ------------------------------------------------------------------------------------------------- facets
@@ -232,7 +135,7 @@ def _merge_flat(
     aligned = np.einsum("ek,ek->e", normals[plane], normals[other]) > 0
     flat = (off(plane, other) <= reach) & (aligned | ~broad[other])
     both = flat & broad[plane] & broad[other]
-    facet = _components(len(triangles), plane[both], other[both])
+    facet = components(len(triangles), plane[both], other[both])
     waiting = np.flatnonzero(flat & ~broad[other])
     settled = broad.copy()
     while True:  # slivers take the facet of a settled neighbour, wave by wave
@@ -264,7 +167,7 @@ def _join_level(facets: Facets) -> Int64:
     single = np.flatnonzero(flat & narrow[other])
     single = single[np.unique(other[single], return_index=True)[1]]
     joins = np.concatenate([joins, single])
-    return _components(len(facets), plane[joins], other[joins])
+    return components(len(facets), plane[joins], other[joins])
 
 
 def _assemble(
@@ -309,4 +212,4 @@ def find_patches(facets: Facets, admitted: Bool | None = None) -> Int64:
     linked = certain & (facets.angles > slack.sum(axis=1))
     if admitted is not None:
         linked &= admitted
-    return _components(len(facets), facets.pair[linked, 0], facets.pair[linked, 1])
+    return components(len(facets), facets.pair[linked, 0], facets.pair[linked, 1])
