@@ -302,6 +302,7 @@ def compare_sets(
     gi: str | None = None,
     probes: str | None = None,
     truth: Literal["reference", "reference-gpu"] | None = None,
+    floor: Annotated[bool, Flag] = False,
     samples: int = 256,
     noise: float | None = None,
     camera: Annotated[str | None, Numbers] = None,
@@ -341,6 +342,8 @@ def compare_sets(
         Grids of probes: default, counts along x, y and z like 22x14x32, or spacings in metres like 0.5.
     truth
         What path traces: reference (Mitsuba, the default) or reference-gpu (the runtime).
+    floor
+        Also tell the error of the same probes filled by the path tracer: no solver can do better on them.
     samples
         Paths for each point of the truth.
     noise
@@ -370,7 +373,7 @@ def compare_sets(
     """
     terminal = Terminal(json)
     lighting = render.LightingOptions(sun, sky, lights == "file")
-    if not any((set_, presets, budgets, gi, probes, truth)):
+    if not any((set_, presets, budgets, gi, probes, truth, floor)):
         if air:
             raise UsageError(
                 "--air: a comparison of coarse and fine finds the air itself; add --presets coarse,fine"
@@ -399,6 +402,7 @@ def compare_sets(
         frames=frames,
         air=tuple(air or ()),
         seed=seed,
+        floor=floor,
     )
     with terminal.progress() as update:
         report = matrix.run(asked, update)

@@ -18,11 +18,13 @@ from pipelines.convert import check_air, make_folder, require_file
 from pipelines.documents import report_header, to_json_value, write_json, write_text
 from pipelines.errors import UsageError
 from pipelines.matrix_sets import NamedSet, Wish, file_stem, obtain, wishes
+from pipelines.methods import technique_settings
 from pipelines.options import ProbesOption
 from pipelines.studio import AS_IN_THE_FILE, DEFAULT_FRAMES, LightingOptions, Studio
 
 if TYPE_CHECKING:
     from pipelines.gi_errors import GiErrors, Judge, SetTruth, TruthSettings
+    from runtime.estimate import Estimate
     from runtime.renderer import Result
 
 KNEE = 1.1
@@ -35,7 +37,7 @@ FIT_SHARE, TRUTH_SHARE = 0.4, 0.2
 @dataclass(frozen=True)
 class MatrixSettings:
     """What was asked for. Without files, presets and budgets both presets are taken; `truth` is what path
-    traces the mesh and the sets."""
+    traces the mesh and the sets; `floor` asks for the error of probes that it fills as well."""
 
     scene: Path
     output: Path
@@ -53,6 +55,7 @@ class MatrixSettings:
     frames: int = DEFAULT_FRAMES
     air: tuple[str, ...] = ()
     seed: int = 0
+    floor: bool = False
 
     @property
     def page(self) -> Path:
@@ -205,7 +208,8 @@ class _Bench:
         cells = {}
         for k, column in enumerate(self._columns):
             result = self._light(named, column, self._step(done + 1 + k))
-            errors = self._judge.errors(truth, result.images["irradiance"])
+            floor = self._floor(truth, column, self._step(done + 1 + k))
+            errors = self._judge.errors(truth, result.images["irradiance"], floor)
             cells[column.name] = _cell(result, errors)
             self._write_cell(f"{named.name}, {column.name}", truth, result)
         shared = {key: asdict(getattr(truth, key)) for key in ("fit", "geometry", "material")}
@@ -225,6 +229,14 @@ class _Bench:
         self.notes = list(dict.fromkeys((*self.notes, *result.notes)))
         return result
 
+    def _floor(self, truth: SetTruth, column: Column, update: Update) -> Estimate | None:
+        """Of the column's grid of probes; None where there are none, or where it is not asked for."""
+        if not self._settings.floor or column.method == "none":
+            return None
+        software = self._studio.gpu.is_software
+        probes = technique_settings("sdfddgi", truth.primitives, column.probes, software=software)
+        return self._judge.floor_of(truth, probes, update)
+
     def _write_cell(self, name: str, truth: SetTruth, result: Result) -> None:
         pictures = self._judge.pictures(truth, result.images["irradiance"])
         self.write_picture(name, pictures["ours"])
@@ -243,7 +255,8 @@ class _Bench:
 
 def _cell(result: Result, errors: GiErrors) -> dict[str, Any]:
     timed = [milliseconds for milliseconds in result.timings.values() if milliseconds is not None]
-    shown: Mapping[str, Any] = {key: asdict(getattr(errors, key)) for key in ("solver", "total")}
+    keys = ("solver", "total") if errors.floor is None else ("solver", "total", "floor")
+    shown: Mapping[str, Any] = {key: asdict(getattr(errors, key)) for key in keys}
     return {
         "errors": shown,
         "frame_ms": sum(timed) if timed else None,

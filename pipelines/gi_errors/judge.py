@@ -23,10 +23,11 @@ from pipelines.console import Update
 from pipelines.difference import RelativeError, flip, psnr, relative_error, relative_square
 from pipelines.gi_errors.pixels import Pixels, UInt8
 from pipelines.gi_errors.regions import Region, by_region
-from pipelines.gi_errors.truth import Truth, TruthSettings
+from pipelines.gi_errors.truth import Truth, TruthSettings, spread
 from pipelines.reference.gray import gray_scene, gray_set
 from pipelines.studio import Studio
 from runtime.estimate import Estimate
+from runtime.sdfddgi import SdfddgiSettings
 from runtime.starts import find_starts
 from runtime.world import World
 
@@ -128,12 +129,24 @@ class Judge:
         material = self._material(lit, gray)
         return SetTruth(primitives, starts, is_free, lit, gray, fit, geometry, material)
 
+    def floor_of(self, truth: SetTruth, probes: SdfddgiSettings, progress: Update | None = None) -> Estimate:
+        """Irradiance at the points from such probes, were they filled by the path tracer: what no solver on
+        the same grid can beat."""
+        free = truth.is_free
+        world = World(self.studio.gpu, self.studio.scene, truth.primitives)
+        bar = None if progress is None else lambda share: progress("fill the probes by path tracing", share)
+        found = self.truth.floor(world, probes, truth.starts[free], self.pixels.normals[free], bar)
+        return spread(found, free)
+
     def errors(
-        self, truth: SetTruth, irradiance: NDArray[np.floating], floor: NDArray[np.floating] | None = None
+        self,
+        truth: SetTruth,
+        irradiance: NDArray[np.floating],
+        floor: Estimate | NDArray[np.floating] | None = None,
     ) -> GiErrors:
         """Of a picture's indirect irradiance (h, w, 3) through that set.
 
-        floor: irradiance (n, 3) at the points, that probes filled by a path tracer give on the same grid.
+        floor: see `floor_of`; or irradiance (n, 3) at the points.
         """
         ours = self.pixels.rows(irradiance)
         references = {
@@ -148,14 +161,14 @@ class Judge:
             material=truth.material,
             solver=self.error(ours, truth.lit),
             total=self.error(ours, self.mesh),
-            floor=None if floor is None else self.error(np.asarray(floor, np.float64), truth.lit),
+            floor=None if floor is None else self.error(floor, truth.lit),
             noise={name: estimate.noise for name, estimate in references.items()},
             samples={name: estimate.samples for name, estimate in references.items()},
             points=len(ours),
             unplaced=float(1 - truth.is_free.mean()),
         )
 
-    def error(self, found: Estimate | Float64, reference: Estimate) -> Error:
+    def error(self, found: Estimate | NDArray[np.floating], reference: Estimate) -> Error:
         """Of irradiance (n, 3) at the points; its own noise is taken out where it is a measurement."""
         x, a = _halves(found), (reference.first, reference.second)
         value, truth = (x[0] + x[1]) / 2, reference.value
@@ -193,8 +206,11 @@ class Judge:
         return relative_square(((p - m) - (p_gray - m_gray), (q - n) - (q_gray - n_gray)), (m, n))
 
 
-def _halves(found: Estimate | Float64) -> Halves:
-    return (found.first, found.second) if isinstance(found, Estimate) else (found, found)
+def _halves(found: Estimate | NDArray[np.floating]) -> Halves:
+    if isinstance(found, Estimate):
+        return found.first, found.second
+    values = np.asarray(found, np.float64)
+    return values, values
 
 
 def _part(progress: Update | None, text: str, start: float) -> Callable[[float], None] | None:

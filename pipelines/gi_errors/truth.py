@@ -17,15 +17,21 @@ from pipelines.reference.mitsuba import load_mitsuba
 from pipelines.reference.store import cached, digest, estimate_arrays, estimate_of
 from pipelines.reference.triangulate import triangulate
 from pipelines.reference.truth import Picture
+from pipelines.representation_floor import representation_floor
 from runtime.device import Gpu
 from runtime.estimate import Estimate
 from runtime.lights import Illumination
 from runtime.path_tracer import PathTracer
+from runtime.sdfddgi import SdfddgiSettings
+from runtime.world import World
 
 Engine = Literal["reference", "reference-gpu"]
 
 REVISION = 1
 """Raised when either path tracer measures something else than before, so that what was kept is forgotten."""
+
+PROBES_OF_A_LOOKUP = 8
+"""Probes that fill a floor need so many times fewer samples for the same noise."""
 
 Progress = Callable[[float], None]
 
@@ -107,13 +113,41 @@ class Truth:
         found = self._kept(
             lambda: self._set_tracer(primitives), geometry, starts[is_free], normals[is_free], progress
         )
-        return Estimate(
-            _spread(found.value, is_free),
-            _spread(found.first, is_free),
-            _spread(found.second, is_free),
-            _spread(found.standard_error, is_free),
-            found.samples,
-        )
+        return spread(found, is_free)
+
+    def floor(
+        self,
+        world: World,
+        probes: SdfddgiSettings,
+        points: Float64,
+        normals: Float64,
+        progress: Progress | None = None,
+    ) -> Estimate:
+        """What probes of these settings give at free points (n, 3) when this path tracer fills them: see
+        `representation_floor`. Errors as `of_mesh`."""
+        s = self.settings
+        samples = max(s.samples // PROBES_OF_A_LOOKUP, 2)
+        primitives = world.primitives
+        geometry = digest(replace(primitives, names=()))
+        parts = ("floor", REVISION, self._version(), geometry, self.illumination, probes, points, normals)
+
+        def measure() -> dict[str, NDArray[Any]]:
+            tracer = self._set_tracer(primitives)
+            return estimate_arrays(
+                representation_floor(
+                    self.gpu,
+                    world,
+                    probes,
+                    tracer,
+                    points,
+                    normals,
+                    samples=samples,
+                    seed=s.seed,
+                    progress=progress,
+                )
+            )
+
+        return estimate_of(cached((*parts, samples, s.seed), measure)[0])
 
     def _kept(
         self,
@@ -151,7 +185,13 @@ class Truth:
         return primitive_reference(primitives, self.illumination)
 
 
-def _spread(values: Float64, mask: NDArray[np.bool_]) -> Float64:
-    rows = np.zeros((len(mask), *values.shape[1:]))
-    rows[mask] = values
-    return rows
+def spread(found: Estimate, mask: NDArray[np.bool_]) -> Estimate:
+    """A measurement at the points of a mask (n,) as one at all of them; 0 elsewhere."""
+
+    def rows(values: Float64) -> Float64:
+        full = np.zeros((len(mask), *values.shape[1:]))
+        full[mask] = values
+        return full
+
+    value, first, second = (rows(values) for values in (found.value, found.first, found.second))
+    return Estimate(value, first, second, rows(found.standard_error), found.samples)

@@ -83,16 +83,17 @@ def _advice(report: Mapping[str, Any]) -> str:
 
 
 def _matrix(report: Mapping[str, Any]) -> str:
-    headers = ["set", "fit", "solver", "total", "bias", "FLIP", "GPU ms"]
+    headers = ["set", "fit", "solver", "probes' floor", "total", "bias", "FLIP", "GPU ms"]
     rows = []
     for row in report["sets"]:
         fit = row["errors"]["fit"]
         words = f"{row['primitives']} primitives, path traced"
-        shown = [_rel_mse(fit), "-", _rel_mse(fit), _bias(fit["bias"]), f"{fit['flip']:.3f}", "-"]
+        shown = [_rel_mse(fit), "-", "-", _rel_mse(fit), _bias(fit["bias"]), f"{fit['flip']:.3f}", "-"]
         rows.append([row["name"], words, *shown])
         for column, cell in row["cells"].items():
             solver, total = cell["errors"]["solver"], cell["errors"]["total"]
-            shown = [_rel_mse(solver), _rel_mse(total), _bias(total["bias"]), f"{total['flip']:.3f}"]
+            floor = _rel_mse(cell["errors"]["floor"]) if "floor" in cell["errors"] else "-"
+            shown = [_rel_mse(solver), floor, _rel_mse(total), _bias(total["bias"]), f"{total['flip']:.3f}"]
             label = f"{row['name']}, {column}" + (" (knee)" if report["knee"][column] == row["name"] else "")
             rows.append([label, "", _rel_mse(fit), *shown, short_number(cell["frame_ms"])])
     return f"<h2>Every set by every way to light it</h2>{table(headers, rows)}"

@@ -45,9 +45,10 @@ def compared(gpu: Any, wall: Path, tmp_path_factory: pytest.TempPathFactory) -> 
         TruthSettings("reference-gpu", samples=32),
         sets=files,
         methods=("sdfddgi", "none"),
-        probes=parse_probes("4x3x4"),
+        probes=parse_probes("3x2x3"),
         size=(32, 20),
         frames=6,
+        floor=True,
         lighting=LightingOptions(sky="0.5,0.6,0.7", keep_file_lights=True),
     )
     return matrix.run(settings, lambda text, share: None), folder
@@ -56,18 +57,20 @@ def compared(gpu: Any, wall: Path, tmp_path_factory: pytest.TempPathFactory) -> 
 def test_every_set_by_every_way_to_light_it(compared: tuple[dict[str, Any], Path]) -> None:
     _, folder = compared
     report = json.loads((folder / "report.json").read_text())
-    columns = ["sdfddgi, 4x3x4", "none"]
+    columns = ["sdfddgi, 3x2x3", "none"]
     assert report["columns"] == columns
     assert [(row["name"], row["primitives"]) for row in report["sets"]] == [("both", 2), ("floor", 1)]
     for row in report["sets"]:
         assert set(row["cells"]) == set(columns)
-        for cell in row["cells"].values():
-            assert set(cell["errors"]) == {"solver", "total"}
+        for name, cell in row["cells"].items():
+            assert set(cell["errors"]) == {"solver", "total"} | ({"floor"} if name != "none" else set())
             assert cell["errors"]["total"]["flip"] > 0
         dark = row["cells"]["none"]["errors"]
         assert dark["solver"]["bias"] == dark["total"]["bias"] == -1
         assert dark["total"]["irradiance"]["rel_mse"] == pytest.approx(1, abs=0.02)
-        assert row["cells"][columns[0]]["errors"]["total"]["irradiance"]["rel_mse"] < 0.5
+        lit = row["cells"][columns[0]]["errors"]
+        assert lit["total"]["irradiance"]["rel_mse"] < 0.5
+        assert -0.05 < lit["floor"]["irradiance"]["rel_mse"] < 0.5
     both, floor = (row["errors"]["fit"]["irradiance"] for row in report["sets"])
     assert both["rel_mse"] < floor["rel_mse"]
     assert report["truth"]["engine"] == "reference-gpu"
@@ -76,7 +79,7 @@ def test_every_set_by_every_way_to_light_it(compared: tuple[dict[str, Any], Path
 def test_pictures_and_page(compared: tuple[dict[str, Any], Path]) -> None:
     _, folder = compared
     assert (folder / "mesh.png").is_file()
-    assert (folder / "both-sdfddgi-4x3x4.png").is_file()
+    assert (folder / "both-sdfddgi-3x2x3.png").is_file()
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert not re.findall(r"""(?:src|href)=["'](?!data:)|url\(|@import|https?://""", page)
     assert page.count('type="range"') == 2 * (1 + 2)
