@@ -118,7 +118,7 @@ def emissive_room(stage: Stage) -> None:
     stage.cylinder("tube", Matter("cold", black, (3.0, 6.0, 10.0)), (1.5, 0.1, 0.9), 0.06, 2.2)
     stage.box("panel", Matter("pink", black, (3.0, 1.0, 2.0)), (-0.8, 0.8, -1.98), (0.2, 1.6, -1.94))
     stage.box("table", WALL, (-0.5, 0.6, -0.6), (0.7, 0.7, 0.6), degrees=20)
-    stage.glb.camera("corner", (1.7, 1.8, 1.8), (-0.7, 0.8, -0.9), 75)
+    stage.glb.camera("corner", (1.7, 1.8, 1.8), (-0.73, 0.81, -0.9), 75)
 
 
 def courtyard(stage: Stage) -> None:

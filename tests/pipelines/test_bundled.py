@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fit import gltf
+from fit.export import read
+from fit.scene import transform_points
+from fit.sdf import union_distance
 from pipelines.bundled import bundled_file
 from pipelines.describe import describe_scene
 from pipelines.options import parse_camera, parse_color, parse_sun
 from pipelines.views import named_views
 
-NAMES = (
-    "atrium", "colonnade", "cornell", "sealed_room", "six_solids", "table", "two_colour_wall", "two_rooms",
+STAGES = (
+    "closed_box", "cornell", "courtyard", "curtains", "emissive_room", "furnace", "tunnel", "two_rooms",
 )  # fmt: skip
+NAMES = ("atrium", "colonnade", "sealed_room", "six_solids", "table", "two_colour_wall", *STAGES)
 
 
 def test_scenes_are_not_stale(bundled_assets: Path, tmp_path: Path) -> None:
     subprocess.run(
         [sys.executable, bundled_assets / "generate.py", tmp_path], check=True, stdout=subprocess.DEVNULL
     )
-    assert sorted(file.stem for file in tmp_path.iterdir()) == sorted(NAMES)
+    expected = [f"{name}.glb" for name in NAMES] + [f"{name}.npz" for name in STAGES]
+    assert sorted(file.name for file in tmp_path.iterdir()) == sorted(expected)
     stale = [
         file.name
         for file in tmp_path.iterdir()
@@ -51,6 +57,33 @@ def test_scenes_load_whole(name: str) -> None:
 )
 def test_closed_meshes(name: str, closed: int) -> None:
     assert describe_scene(gltf.load(bundled_file(f"{name}.glb")))["closed_meshes"] == closed
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_stages_are_the_same_as_meshes_and_as_primitives(name: str) -> None:
+    """Every triangle's centre lies on a primitive, but for a ball's, whose facets cut its rim off."""
+    scene, primitives = gltf.load(bundled_file(f"{name}.glb")), read(bundled_file(f"{name}.npz"))
+    centres = np.concatenate(
+        [
+            transform_points(instance.world_from_local, mesh.positions[mesh.triangles].mean(axis=1))
+            for instance in scene.instances
+            for mesh in (scene.meshes[instance.mesh],)
+        ]
+    )
+    distance = union_distance(primitives, centres)[0]
+    assert np.abs(distance).max() <= 0.015 * 0.4  # metres: the largest ball's sagitta
+    albedo = {tuple(np.round(m.base_color[:3], 4)) for m in scene.materials}
+    found = {tuple(np.round(color, 4)) for color in primitives.albedo.reshape(-1, 3).astype(float)}
+    assert found == albedo
+
+
+def test_stages_have_a_sky_and_a_camera(bundled_assets: Path) -> None:
+    stages = tomllib.loads((bundled_assets / "stages.toml").read_text(encoding="utf-8"))
+    assert sorted(stages) == sorted(STAGES)
+    for name, stage in stages.items():
+        cameras = [camera.name for camera in gltf.load(bundled_file(f"{name}.glb")).cameras]
+        assert stage["camera"] in cameras
+        parse_color("--sky", stage["sky"])
 
 
 def test_light_sources() -> None:
