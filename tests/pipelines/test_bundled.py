@@ -71,7 +71,7 @@ def test_stages_are_the_same_as_meshes_and_as_primitives(name: str) -> None:
         ]
     )
     distance = union_distance(primitives, centres)[0]
-    assert np.abs(distance).max() <= 0.015 * 0.4  # metres: the largest ball's sagitta
+    assert np.abs(distance).max() <= 0.02 * 0.4  # metres: the largest ball's sagitta
     albedo = {tuple(np.round(m.base_color[:3], 4)) for m in scene.materials}
     found = {tuple(np.round(color, 4)) for color in primitives.albedo.reshape(-1, 3).astype(float)}
     assert found == albedo
