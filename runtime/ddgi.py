@@ -240,7 +240,7 @@ class Ddgi:
         update.relocate.write(
             RelocateSettings.pack(
                 inner_lower=inner_lower + inset,
-                lean=(0.5 + s.clearance) * spacing,
+                lean=(0.5 + s.clearance) * spacing if s.lean_inward else 0.0,
                 inner_upper=inner_upper - inset,
                 kept_lower=lower.astype(np.uint32),
                 cascade=cascade.number,

@@ -30,8 +30,10 @@ class DdgiSettings:
     farthest: longer distances count as so many diagonals of a probe cell.
     normal_bias, view_bias: how far, in spacings, a point moves from its surface, along the normal and towards
     the viewer, before it asks which probes see it.
-    relocation: how far, in spacings and along each axis, a probe may stand from its node; those over the
-    scene's outermost walls are brought in, half a spacing and the clearance at most.
+    lean_inward: a probe outside of the scene's bounds, half a spacing at most, begins inside of them. Laid
+    over a room, it would stand right behind a wall and darken every corner; where a hollow building is seen
+    from outside, its place is out there.
+    relocation: how far, in spacings and along each axis, a probe may stand from its node.
     clearance: probes keep this many spacings from surfaces where they can.
     relocation_frames: for so many frames after the world changed, probes move; one that is then still inside
     something is off.
@@ -56,6 +58,7 @@ class DdgiSettings:
     farthest: float = 1.5
     normal_bias: float = 0.045
     view_bias: float = 0.18
+    lean_inward: bool = True
     relocation: float = 0.45
     clearance: float = 0.2
     relocation_frames: int = 8

@@ -7,6 +7,7 @@ Every test that takes the fixture `technique` runs for every technique that has 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,9 +29,12 @@ from runtime.world import World, WorldSettings
 
 WITH_LIGHT = [name for name in techniques.TECHNIQUES if name != "none"]
 
-SETTINGS: dict[str, Callable[..., Any]] = {"sdfddgi": SdfddgiSettings, "ddgi": DdgiSettings}
+SETTINGS: dict[str, Callable[..., Any]] = {
+    "sdfddgi": SdfddgiSettings,
+    "ddgi": partial(DdgiSettings, lean_inward=False),
+}
 """How each technique is told its probe grid (`grid`), rays (`rays_per_probe`), share of bounces
-(`bounce`).
+(`bounce`). The rooms here are looked at from both sides.
 """
 
 

@@ -91,9 +91,13 @@ def test_probes_leave_walls_and_those_that_cannot_are_off(make_stage):
 def test_probes_over_a_room_are_brought_in_from_behind_its_walls(make_stage, make_room, inner_surface):
     """The grid's outermost probes stand a hand's breadth outside; without them every corner would be dark."""
     grid = ProbeGrid((-1.75, -1.75, -1.75), 3.5 / 4, (5, 5, 5))
-    stage = make_stage("ddgi", make_room(0.2, emission=2.0), grid=grid, bounce=0.0).run(10)
-    places = np.abs(states_of(stage)[:, :3] + stage.world.origin).max(axis=1)
-    assert places.max() < 1.5
+    left, stage = (
+        make_stage("ddgi", make_room(0.2, emission=2.0), grid=grid, bounce=0.0, lean_inward=lean).run(10)
+        for lean in (False, True)
+    )
+    outermost = [np.abs(states_of(s)[:, :3] + s.world.origin).max() for s in (left, stage)]
+    assert outermost[0] > 1.7
+    assert outermost[1] < 1.5
     np.testing.assert_allclose(stage.irradiance(*inner_surface(300)), 2 * np.pi, rtol=0.01)
 
 
