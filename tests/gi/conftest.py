@@ -7,7 +7,6 @@ Every test that takes the fixture `technique` runs for every technique that has 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,13 +28,13 @@ from runtime.world import World, WorldSettings
 
 WITH_LIGHT = [name for name in techniques.TECHNIQUES if name != "none"]
 
-SETTINGS: dict[str, Callable[..., Any]] = {
-    "sdfddgi": SdfddgiSettings,
-    "ddgi": partial(DdgiSettings, lean_inward=False),
-}
+SETTINGS: dict[str, Callable[..., Any]] = {"sdfddgi": SdfddgiSettings, "ddgi": DdgiSettings}
 """How each technique is told its probe grid (`grid`), rays (`rays_per_probe`), share of bounces
-(`bounce`). The rooms here are looked at from both sides.
+(`bounce`).
 """
+
+FROM_BOTH_SIDES: dict[str, dict[str, Any]] = {"ddgi": {"lean_inward": False}}
+"""Settings for rooms that are looked at from outside, too."""
 
 
 MANY_RAYS: dict[str, dict[str, Any]] = {
@@ -154,7 +153,8 @@ def make_stage(gpu: Gpu):
         scene=None,
         **settings: Any,
     ) -> Stage:
-        return Stage(gpu, name, primitives, SETTINGS[name](**settings), sky, lights, world, origin, scene)
+        given = SETTINGS[name](**{**FROM_BOTH_SIDES.get(name, {}), **settings})
+        return Stage(gpu, name, primitives, given, sky, lights, world, origin, scene)
 
     return make
 
