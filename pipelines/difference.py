@@ -20,12 +20,14 @@ RELATIVE_FLOOR = 0.01
 
 @dataclass(frozen=True)
 class RelativeError:
-    """relMSE, the means of its numerator and denominator, and its standard error over the points."""
+    """relMSE, the means of its numerator and denominator, its standard error over the points, and the ratio
+    of the two means, which noise in dark places moves far less."""
 
     rel_mse: float
     numerator: float
     denominator: float
     standard_error: float
+    ratio: float
 
 
 def flip(reference: UInt8, picture: UInt8) -> tuple[float, UInt8]:
@@ -56,8 +58,8 @@ def relative_error(found: Halves, reference: Halves) -> RelativeError:
     """relMSE of linear light: the mean of (x - a)(x' - b) / (a b + eps).
 
     a and b are independent halves of the reference, x and x' of what is judged, so that no noise of either
-    adds to the numerator; eps = (0.01 of the reference's mean)^2. Where the reference is so noisy that its
-    inverse is too, the ratio of the means of numerator and denominator tells more.
+    adds to the numerator; eps = (0.01 of the reference's mean)^2. Where a reference is so noisy that one of
+    its halves is near 0, relMSE is too: its standard error says so, and the ratio of the means tells more.
     Infinite where the reference is black and what is judged is not.
     """
     a, b = (np.asarray(half, np.float64) for half in reference)
@@ -73,7 +75,8 @@ def relative_square(differences: Halves, reference: Halves) -> RelativeError:
     square = d * e
     level = float(a.mean() + b.mean()) / 2 if a.size else 0.0
     if level == 0:
-        return RelativeError(float("inf") if square.any() else 0.0, float(square.sum()), 0.0, 0.0)
+        error = float("inf") if square.any() else 0.0
+        return RelativeError(error, float(square.mean()) if square.size else 0.0, 0.0, 0.0, error)
     denominator = a * b + (RELATIVE_FLOOR * level) ** 2
     each = (square / denominator).reshape(-1, 3).mean(axis=1)
     return RelativeError(
@@ -81,4 +84,5 @@ def relative_square(differences: Halves, reference: Halves) -> RelativeError:
         float(square.mean()),
         float(denominator.mean()),
         float(each.std() / np.sqrt(len(each))),
+        float(square.mean() / denominator.mean()),
     )

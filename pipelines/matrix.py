@@ -23,12 +23,15 @@ from pipelines.options import ProbesOption
 from pipelines.studio import AS_IN_THE_FILE, DEFAULT_FRAMES, LightingOptions, Studio
 
 if TYPE_CHECKING:
-    from pipelines.gi_errors import GiErrors, Judge, SetTruth, TruthSettings
+    from pipelines.gi_errors import Error, GiErrors, Judge, SetTruth, TruthSettings
     from runtime.estimate import Estimate
     from runtime.renderer import Result
 
 KNEE = 1.1
 """A set is good enough where its total error is at most so many times the least of its column."""
+
+CERTAIN = 0.5
+"""Share of relMSE that its standard error may be before a note asks for more samples."""
 
 FIT_SHARE, TRUTH_SHARE = 0.4, 0.2
 """Shares of the progress bar; the pictures and the sets' own truths take the rest."""
@@ -158,11 +161,11 @@ def check(settings: MatrixSettings) -> None:
 
 def knee(rows: list[dict[str, Any]], column: str) -> str | None:
     """The smallest set whose total error is at most `KNEE` times the column's least; None where no cell has
-    one."""
+    one. The error is the ratio of means, which the truth's noise moves least."""
     totals = {
         row["name"]: (
             row["primitives"],
-            max(row["cells"][column]["errors"]["total"]["irradiance"]["rel_mse"], 0),
+            max(row["cells"][column]["errors"]["total"]["irradiance"]["ratio"], 0),
         )
         for row in rows
     }
@@ -205,12 +208,14 @@ class _Bench:
         done = number * (len(self._columns) + 1)
         truth = self._judge.truth_of(named.primitives, self._step(done))
         self.write_picture(f"{named.name}, set", self._judge.pixels.display(truth.lit.value))
+        self._note_noise(f"{named.name}: fit", truth.fit)
         cells = {}
         for k, column in enumerate(self._columns):
             result = self._light(named, column, self._step(done + 1 + k))
             floor = self._floor(truth, column, self._step(done + 1 + k))
             errors = self._judge.errors(truth, result.images["irradiance"], floor)
             cells[column.name] = _cell(result, errors)
+            self._note_noise(f"{named.name}, {column.name}: total", errors.total)
             self._write_cell(f"{named.name}, {column.name}", truth, result)
         shared = {key: asdict(getattr(truth, key)) for key in ("fit", "geometry", "material")}
         about = {"name": named.name, "noise": errors.noise, "unplaced": errors.unplaced}
@@ -228,6 +233,14 @@ class _Bench:
         )
         self.notes = list(dict.fromkeys((*self.notes, *result.notes)))
         return result
+
+    def _note_noise(self, name: str, error: Error) -> None:
+        figures = error.irradiance
+        if figures.standard_error > CERTAIN * abs(figures.rel_mse):
+            self.notes.append(
+                f"{name} relMSE {figures.rel_mse:.3g} is uncertain by {figures.standard_error:.2g}, because "
+                "the truth is noisy: take more --samples, or compare the ratios of means"
+            )
 
     def _floor(self, truth: SetTruth, column: Column, update: Update) -> Estimate | None:
         """Of the column's grid of probes; None where there are none, or where it is not asked for."""
@@ -291,6 +304,8 @@ def show(report: dict[str, Any], settings: MatrixSettings, terminal: Terminal) -
     for row in report["sets"]:
         noise = ", ".join(f"{name} {share:.2%}" for name, share in row["noise"].items())
         terminal.line(f"noise    {row['name']}: {noise}")
+    for note in report["notes"]:
+        terminal.line(f"note     {note}")
     kind = " (software: times say nothing about a graphics card)" if report["software_adapter"] else ""
     terminal.line(f"adapter  {report['adapter']}{kind}")
     terminal.line(f"report   {settings.page}")

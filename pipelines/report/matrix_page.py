@@ -78,22 +78,39 @@ def _advice(report: Mapping[str, Any]) -> str:
     factor = report["knee_factor"]
     return (
         f"<h2>How many primitives are enough</h2>{tiles(figures)}"
-        f"<p>The smallest set whose total error is at most {factor:g} times the least of its column.</p>"
+        f"<p>The smallest set whose total error, the mean square over the mean squared truth (ratio), is at "
+        f"most {factor:g} times the least of its column.</p>"
     )
 
 
 def _matrix(report: Mapping[str, Any]) -> str:
-    headers = ["set", "fit", "solver", "probes' floor", "total", "bias", "FLIP", "GPU ms"]
+    headers = ["set", "fit", "solver", "probes' floor", "total", "ratio", "bias", "FLIP", "GPU ms"]
     rows = []
     for row in report["sets"]:
         fit = row["errors"]["fit"]
         words = f"{row['primitives']} primitives, path traced"
-        shown = [_rel_mse(fit), "-", "-", _rel_mse(fit), _bias(fit["bias"]), f"{fit['flip']:.3f}", "-"]
+        shown = [
+            _rel_mse(fit),
+            "-",
+            "-",
+            _rel_mse(fit),
+            _ratio(fit),
+            _bias(fit["bias"]),
+            f"{fit['flip']:.3f}",
+            "-",
+        ]
         rows.append([row["name"], words, *shown])
         for column, cell in row["cells"].items():
             solver, total = cell["errors"]["solver"], cell["errors"]["total"]
             floor = _rel_mse(cell["errors"]["floor"]) if "floor" in cell["errors"] else "-"
-            shown = [_rel_mse(solver), floor, _rel_mse(total), _bias(total["bias"]), f"{total['flip']:.3f}"]
+            shown = [
+                _rel_mse(solver),
+                floor,
+                _rel_mse(total),
+                _ratio(total),
+                _bias(total["bias"]),
+                f"{total['flip']:.3f}",
+            ]
             label = f"{row['name']}, {column}" + (" (knee)" if report["knee"][column] == row["name"] else "")
             rows.append([label, "", _rel_mse(fit), *shown, short_number(cell["frame_ms"])])
     return f"<h2>Every set by every way to light it</h2>{table(headers, rows)}"
@@ -139,6 +156,7 @@ def _errors(report: Mapping[str, Any]) -> str:
         "error",
         "relMSE",
         "+-",
+        "ratio",
         "numerator",
         "denominator",
         "bias",
@@ -219,7 +237,7 @@ def _full(error: Mapping[str, Any]) -> list[str]:
 
 
 def _sums(error: Mapping[str, Any]) -> list[str]:
-    keys = ("rel_mse", "standard_error", "numerator", "denominator")
+    keys = ("rel_mse", "standard_error", "ratio", "numerator", "denominator")
     return [short_number(error[key]) for key in keys]
 
 
@@ -230,6 +248,10 @@ def _biases(error: Mapping[str, Any], names: list[str]) -> list[str]:
 
 def _bias(value: float | None) -> str:
     return "-" if value is None else f"{100 * value:+.1f} %"
+
+
+def _ratio(error: Mapping[str, Any]) -> str:
+    return short_number(error["irradiance"]["ratio"])
 
 
 def _rel_mse(error: Mapping[str, Any]) -> str:

@@ -129,7 +129,7 @@ def test_noise_adds_nothing_to_the_relative_error() -> None:
     assert relative_error((x, x), (a, a)).rel_mse > 0.01
     off = relative_error((1.1 * x, 1.1 * y), (a, b))
     assert off.rel_mse == pytest.approx(0.01, abs=0.003)
-    assert off.numerator / off.denominator == pytest.approx(0.01, abs=0.002)
+    assert off.ratio == off.numerator / off.denominator == pytest.approx(0.01, abs=0.002)
 
 
 def test_psnr_of_known_pictures() -> None:

@@ -132,7 +132,7 @@ def test_wrong_usage(
 
 
 def row(name: str, primitives: int, error: float) -> dict[str, Any]:
-    cell = {"errors": {"total": {"irradiance": {"rel_mse": error}}}}
+    cell = {"errors": {"total": {"irradiance": {"ratio": error}}}}
     return {"name": name, "primitives": primitives, "cells": {"a": cell}}
 
 
