@@ -12,8 +12,8 @@ from typing import Any
 
 MEBIBYTE = 1 << 20
 
-LIBRARIES = ("numpy", "scipy", "nlopt", "manifold3d", "trimesh", "wgpu", "coacd", "vhacdx")
-"""Those whose version can change a result; the last two are optional."""
+LIBRARIES = ("numpy", "scipy", "nlopt", "manifold3d", "trimesh", "wgpu", "coacd", "vhacdx", "mitsuba")
+"""Those whose version can change a result; the last three are optional."""
 
 
 def package_version() -> str:
