@@ -27,7 +27,7 @@ from runtime.world import World
 
 Engine = Literal["reference", "reference-gpu"]
 
-REVISION = 1
+REVISION = 2
 """Raised when either path tracer measures something else than before, so that what was kept is forgotten."""
 
 PROBES_OF_A_LOOKUP = 8

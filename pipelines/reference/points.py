@@ -57,8 +57,11 @@ def register(mi: Any) -> None:
             direction = dr.select(to_light, chosen.d, by_cosine)
             ray = mi.Ray3f(start, mi.Vector3f(direction), time)
             hit = self._scene.ray_intersect(ray, active)
-            is_met = to_light & (hit.t > chosen.dist * (1 - _HIDDEN))
-            weight = self._weight(ray.d, hit, seen, normal, active)
+            light = mi.DirectionSample3f(self._scene, hit, seen)
+            # Of two lamps that lie closer together than the limit, as a thin one's sides do, only the one
+            # that is met has its density in the weight.
+            is_met = to_light & (light.emitter == chosen.emitter) & (hit.t > chosen.dist * (1 - _HIDDEN))
+            weight = self._weight(ray.d, light, seen, normal, active)
             return ray, mi.Color3f(dr.select((choice >= self._to_lights) | is_met, weight, 0))
 
         def sample_ray_differential(self, time, wavelengths, position, aperture, active=True):
@@ -79,10 +82,9 @@ def register(mi: Any) -> None:
                 return start, dr.gather(mi.Normal3f, normal, index, active), place
             return mi.Point3f(start[index]), mi.Normal3f(normal[index]), place
 
-        def _weight(self, direction, hit, seen, normal, active):
+        def _weight(self, direction, light, seen, normal, active):
             """Cosine over the density of both ways to choose a direction."""
             cosine = dr.dot(normal, direction)
-            light = mi.DirectionSample3f(self._scene, hit, seen)
             is_lit = active & (light.emitter != None)  # noqa: E711
             density = mi.Float(0)
             if dr.is_array_v(mi.Float) or is_lit:  # one ray without a light has no density to ask for

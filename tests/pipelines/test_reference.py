@@ -133,6 +133,17 @@ def test_a_mesh_and_the_primitives_that_it_is_agree(mesh_of_boxes):
     assert np.percentile(difference / np.maximum(error, 1e-3), 90) < 4
 
 
+def test_thin_lamps_of_many_faces_are_counted_once():
+    """The sides of a thin lamp lie as far away as its face: a ray that is aimed at one meets the other."""
+    points, normals = np.array([(x, -1.4, 0.2) for x in (-0.5, 0.0, 0.5)]), np.tile([0.0, 1.0, 0.0], (3, 1))
+    found = []
+    for thickness in (0.002, 0.02):
+        size = (0.7, thickness, 0.7)
+        lamp = make_box((0, 1 + thickness / 2, 0), size, albedo=(0, 0, 0), emission=(5, 5, 5))
+        found.append(primitive_reference(lamp, DARK).irradiance(points, normals, samples=4096).value.mean())
+    assert found[0] == pytest.approx(found[1], rel=0.05)
+
+
 def test_noise_falls_and_is_told_rightly():
     light = Illumination((), Sky.gradient((1, 1, 1), (1, 1, 1), (0, 1, 0)))
     reference = primitive_reference(room(opening=True), light)
