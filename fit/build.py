@@ -13,7 +13,7 @@ body's own fit is made anew for each size.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from fit.choose import choose, offer, prune, without_least
 from fit.cut import cut_worst
 from fit.merge import thin_out
-from fit.objective import Targets, error, leak_share, set_distances
+from fit.objective import Targets, error, leak_share, set_distances, thin
 from fit.refine import refine
 from fit.scene import Float64
 from fit.shapes import KINDS, Shapes, are_of, join, no_shapes
@@ -145,8 +145,7 @@ class _Growth:
     @cached_property
     def thinned(self) -> Targets:
         """One target of `CHOSEN_BY`, which stands for them all."""
-        few = self.targets.select(slice(None, None, CHOSEN_BY))
-        return replace(few, weights=few.weights * CHOSEN_BY)
+        return thin(self.targets, CHOSEN_BY)
 
     def climb(self, shapes: Shapes, size: int) -> Shapes:
         """A set of at most `size` shapes and of no larger error."""

@@ -15,7 +15,8 @@ leak, however near the set lies.
     rho(r) = e / (1 + e / leak), e = sqrt(max(r, 0)^2 + soft^2) - soft
 
 Before that surface the ray must pass: what stops it there costs as much as a leak. No distance tells of a
-thin sheet across a door; only the ray does.
+thin sheet across a door; only the ray does. So whole rays are targets as well, *lines*, whose distance is how
+much farther than the surface they meet the set: they are charged for meeting it too early, or too late.
 
 Of air inside the set it counts once more, in the same saturating way, that it is filled.
 
@@ -34,7 +35,7 @@ from numpy.typing import NDArray
 
 from fit.scene import Float64
 from fit.shapes import Shapes, distances_to_one
-from fit.spans import cross
+from fit.spans import cross, entries_of_one
 
 STICKS_OUT = 1.3
 """Error of a set nearer than the surface (it darkens the air) against one that is farther (it leaks)."""
@@ -51,7 +52,7 @@ RUN = 64
 MOST_KNOWN = 4096
 """Shapes whose distances from the targets are remembered: 50 MB, and eight sets of the largest budget."""
 
-_SCALARS = ("reach", "soft", "leak")
+_SCALARS = ("reach", "soft", "leak", "slack")
 
 Rows = NDArray[np.integer] | slice
 
@@ -60,10 +61,10 @@ Rows = NDArray[np.integer] | slice
 class Targets:
     """p points (p, 3) whose distance to the surface is known: distances (p,), weights (p,); normals (p, 3)
     toward the air, zero where there is none to tell; sample (p,) row of the surface samples that a point is,
-    else -1; caps (p,): farther distances count as this one, at most `reach`; ways (p, 3): of rays, from the
-    hit to where the ray has leaked, zero for all but rays; passing (p,) bool: ways from where a ray starts to
-    short of its hit, which must be free; soft: errors far below count as none; leak: distance
-    from which a ray's error hardly grows."""
+    else -1; caps (p,): farther distances count as this one, at most `reach`; ways (p, 3): of rays, to where
+    they have leaked, from the hit or, is_line (p,) bool, from their start; late (p,): what a line costs that
+    leaks, and `weights` what it costs when stopped by more than `slack` before the surface; soft: errors far
+    below count as none; leak: distance from which a ray's error hardly grows."""
 
     points: Float64
     distances: Float64
@@ -72,10 +73,12 @@ class Targets:
     sample: NDArray[np.int64]
     caps: Float64
     ways: Float64
-    passing: NDArray[np.bool_]
+    is_line: NDArray[np.bool_]
+    late: Float64
     reach: float
     soft: float
     leak: float
+    slack: float
 
     def __len__(self) -> int:
         return len(self.points)
@@ -87,12 +90,12 @@ class Targets:
     @cached_property
     def is_ray(self) -> NDArray[np.bool_]:
         """Rays behind their hits, where something must stop them."""
-        return np.asarray(self.ways.any(axis=1)) & ~self.passing
+        return np.asarray(self.ways.any(axis=1)) & ~self.is_line
 
     @cached_property
     def one_sided(self) -> NDArray[np.bool_]:
         """Where the set may be nearer, or deeper, at no cost."""
-        return self.is_ray | self.passing | (self.distances < 0)
+        return self.is_ray | self.is_line | (self.distances < 0)
 
     @property
     def places(self) -> tuple[Float64, NDArray[np.int64]]:
@@ -104,15 +107,15 @@ class Targets:
 
     @cached_property
     def runs(self) -> tuple[Float64, Float64]:
-        """Bounds (k, 3) of each `RUN` rows on end, with the ways of rays but for those that must be free."""
-        starts, free = np.arange(0, len(self), RUN), self.passing[:, None]
-        lower, upper = np.where(free, np.inf, self._bounds[0]), np.where(free, -np.inf, self._bounds[1])
+        """Bounds (k, 3) of each `RUN` rows on end, with the ways of rays, but for lines."""
+        starts, lines = np.arange(0, len(self), RUN), self.is_line[:, None]
+        lower, upper = np.where(lines, np.inf, self._bounds[0]), np.where(lines, -np.inf, self._bounds[1])
         return np.minimum.reduceat(lower, starts), np.maximum.reduceat(upper, starts)
 
     @cached_property
-    def free_ways(self) -> tuple[NDArray[np.int64], Float64, Float64]:
-        """Rows (f,) of the ways that must be free, and their bounds (3, f)."""
-        rows = np.flatnonzero(self.passing)
+    def lines(self) -> tuple[NDArray[np.int64], Float64, Float64]:
+        """Rows (f,) of the lines, and their bounds (3, f)."""
+        rows = np.flatnonzero(self.is_line)
         lower, upper = (np.ascontiguousarray(bound[rows].T) for bound in self._bounds)
         return rows, lower, upper
 
@@ -132,20 +135,33 @@ class Targets:
 
 
 def join_targets(several: Sequence[Targets]) -> Targets:
-    """All rows of targets that agree about reach, soft and leak."""
+    """All rows of targets that agree about their scalars."""
     names = [f.name for f in fields(Targets) if f.name not in _SCALARS]
     rows: dict[str, Any] = {k: np.concatenate([getattr(t, k) for t in several]) for k in names}
     return replace(several[0], **rows)
 
 
+def thin(targets: Targets, every: int) -> Targets:
+    """One target of so many, which stands for them all."""
+    few = targets.select(slice(None, None, every))
+    return replace(few, weights=few.weights * every, late=few.late * every)
+
+
 def penalties(targets: Targets, distances: Float64, rows: Rows = slice(None)) -> Float64:
     """Weighted error (k,) of the targets `rows` when the set is at these signed distances (k,)."""
+    is_line = targets.is_line[rows]
+    if is_line.all():
+        early, late = distances < -targets.slack, distances > targets.slack
+        return targets.weights[rows] * early + targets.late[rows] * late
     residual, error = _residuals(targets, distances, rows)
     error = np.where(targets.is_ray[rows], error / (1 + error / targets.leak), error)
     error *= np.where(residual < 0, STICKS_OUT, 1.0)
-    error = np.where(targets.passing[rows], targets.leak * (distances < 0), error)
     depth = np.where(targets.distances[rows] > 0, np.clip(-distances, 0.0, targets.reach), 0.0)
-    return targets.weights[rows] * (error + FILLED * depth / (1 + depth / targets.leak))
+    error = targets.weights[rows] * (error + FILLED * depth / (1 + depth / targets.leak))
+    if is_line.any():
+        index = np.arange(len(targets))[rows][is_line]
+        error[is_line] = penalties(targets, distances[is_line], index)
+    return error
 
 
 def penalty_slopes(targets: Targets, distances: Float64, rows: Rows = slice(None)) -> Float64:
@@ -156,7 +172,7 @@ def penalty_slopes(targets: Targets, distances: Float64, rows: Rows = slice(None
     slope *= np.where(residual < 0, STICKS_OUT, 1.0)
     depth = np.where(targets.distances[rows] > 0, np.maximum(-distances, 0.0), 0.0)
     slope -= np.where(depth > 0, FILLED / (1 + depth / targets.leak) ** 2, 0.0)
-    slope[targets.passing[rows] | (distances >= targets.caps[rows]) | (distances <= -targets.reach)] = 0.0
+    slope[targets.is_line[rows] | (distances >= targets.caps[rows]) | (distances <= -targets.reach)] = 0.0
     return targets.weights[rows] * slope
 
 
@@ -168,9 +184,9 @@ def _residuals(targets: Targets, distances: Float64, rows: Rows) -> tuple[Float6
 
 
 def near_rows(shapes: Shapes, which: int, targets: Targets, within: float) -> NDArray[np.int64]:
-    """Rows, sorted, among which are all targets nearer to one shape than `within`, and the ways it stops.
+    """Rows, sorted, among which are all targets nearer to one shape than `within`, and the lines it stops.
 
-    Each run has a bound, and so has each way that must be free, which may be long.
+    Each run has a bound, and so has each line, which may be long.
     """
     lower, upper = targets.runs
     half = np.abs(shapes.frames[which]) @ shapes.halves[which]
@@ -179,29 +195,32 @@ def near_rows(shapes: Shapes, which: int, targets: Targets, within: float) -> ND
     near = np.flatnonzero((np.maximum(gap, 0.0) ** 2).sum(axis=1) < within * within)
     rows = (near[:, None] * RUN + np.arange(RUN)).ravel()
     rows = rows[: np.searchsorted(rows, len(targets))]
-    free, lower, upper = targets.free_ways
-    if len(free) == 0:
+    lines, lower, upper = targets.lines
+    if len(lines) == 0:
         return rows
     met = (lower[0] < high[0]) & (upper[0] > low[0])
     for axis in (1, 2):
         met &= (lower[axis] < high[axis]) & (upper[axis] > low[axis])
     is_near = np.zeros(len(targets), bool)
     is_near[rows] = True
-    is_near[free[met]] = True
+    is_near[lines[met]] = True
     return np.flatnonzero(is_near)
 
 
 def distances_from(shapes: Shapes, which: int, targets: Targets, rows: Rows = slice(None)) -> Float64:
     """Signed distance (k,) of one shape from targets: from points, or the nearest place of rays' ways.
 
-    A way that must be free is known only to be so or not: `reach`, or minus that.
+    Of lines it is how far behind the surface they enter the shape, `reach` where they don't.
     """
-    points, is_ray = targets.points[rows], targets.is_ray[rows]
-    distances = distances_to_one(shapes, which, points)
-    passing = np.flatnonzero(targets.passing[rows])
-    if len(passing):
-        stopped = cross(shapes, which, points[passing], targets.ways[rows][passing])
-        distances[passing] = np.where(stopped, -targets.reach, targets.reach)
+    points, is_ray, is_line = targets.points[rows], targets.is_ray[rows], targets.is_line[rows]
+    if is_line.all():
+        return _behind(shapes, which, points, targets.ways[rows], targets)
+    if is_line.any():
+        distances = np.empty(len(points))
+        distances[~is_line] = distances_to_one(shapes, which, points[~is_line])
+        distances[is_line] = _behind(shapes, which, points[is_line], targets.ways[rows][is_line], targets)
+    else:
+        distances = distances_to_one(shapes, which, points)
     rays = np.flatnonzero(is_ray)
     if len(rays):
         starts, ways = points[rays], targets.ways[rows][rays]
@@ -209,6 +228,13 @@ def distances_from(shapes: Shapes, which: int, targets: Targets, rows: Rows = sl
             behind = distances_to_one(shapes, which, starts + share * ways)
             distances[rays] = np.minimum(distances[rays], behind)
     return distances
+
+
+def _behind(shapes: Shapes, which: int, starts: Float64, ways: Float64, targets: Targets) -> Float64:
+    """How far (k,) behind the surface lines enter one shape; their ways (k, 3) end `slack` behind it."""
+    share = np.minimum(entries_of_one(shapes, which, starts, ways), 2.0)
+    behind = (share - 1) * np.linalg.norm(ways, axis=1) + targets.slack
+    return np.where(share <= 1, np.maximum(behind, -targets.reach), targets.reach)
 
 
 def near_distances(shapes: Shapes, which: int, targets: Targets) -> tuple[NDArray[np.int64], Float64]:
@@ -230,9 +256,9 @@ def near_distances(shapes: Shapes, which: int, targets: Targets) -> tuple[NDArra
     return found
 
 
-def distance_table(shapes: Shapes, targets: Targets) -> Float64:
+def distance_table(shapes: Shapes, targets: Targets, dtype: type[np.floating] = np.float64) -> NDArray[Any]:
     """Signed distances (n, p) of each shape from each target, no more than `reach`."""
-    table = np.full((len(shapes), len(targets)), targets.reach)
+    table = np.full((len(shapes), len(targets)), targets.reach, dtype)
     for i in range(len(shapes)):
         rows, distances = near_distances(shapes, i, targets)
         table[i, rows] = distances

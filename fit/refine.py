@@ -84,7 +84,7 @@ def _descend(
 ) -> Shapes:
     moving = shapes.select(free)
     targets = targets.select(
-        ~targets.passing
+        ~targets.is_line
     )  # that a way is free has no slope; whether a step is kept, it decides
     targets = _in_sight(moving, targets, 2 * MOST_STEPS * max_step)
     pairs = _pairs_that_matter(moving, shapes.select(~free), targets, max_step)

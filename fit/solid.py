@@ -196,6 +196,7 @@ def inside_targets(targets: Targets, air: Air, solid: Solid, count: int, seed: i
         sample=np.full(len(points), -1, np.int64),
         caps=np.full(len(points), FARTHEST_CELLS * air.cell),
         ways=np.zeros((len(points), 3)),
-        passing=np.zeros(len(points), bool),
+        is_line=np.zeros(len(points), bool),
+        late=np.zeros(len(points)),
     )
     return join_targets([targets, added])

@@ -24,7 +24,6 @@ from fit.canonical import (
     world_primitives,
     world_surface,
 )
-from fit.close import close_leaks, draw_lines
 from fit.color import color
 from fit.fit_parts import fit_parts
 from fit.glow import find_glow
@@ -34,6 +33,7 @@ from fit.notes import notes_on_result
 from fit.objective import Targets, error, set_distances
 from fit.paint import paint
 from fit.palette import find_palette
+from fit.polish import BLOCKED_PRICE, LEAK_PRICE, polish
 from fit.primitives import PrimitiveSet
 from fit.scene import Scene
 from fit.settings import COARSE, DEFAULT, FINE, GAIN_BY_DEFAULT, GAIN_WITH_BUDGET, FitSettings
@@ -43,7 +43,7 @@ from fit.sources import exact_whole, find_sources, whole_solid
 from fit.spaces import Air
 from fit.split import split
 from fit.surface import Surface
-from fit.targets import along_a_curve, make_targets, see_surface
+from fit.targets import along_a_curve, count_rays, make_targets, see_surface
 from fit.volume import Volumes, compare_volumes
 
 __all__ = ["COARSE", "FINE", "STEPS", "Fit", "FitSettings", "Progress", "find_scene_air", "fit"]
@@ -112,9 +112,11 @@ def fit(
     with stages("close"):
         # Of a body its fill counts, unless leaks are asked for: its silhouette would grow.
         if "closing" in settings.steps and sources and not (sources.alone and settings.max_leaks == 1.0):
-            closed = close_leaks(
-                shapes, targets, draw_lines(air, settings.seed),
-                cell=air.cell, most_leaks=settings.max_leaks, kept=len(fixed),
+            judge = count_rays(targets, air, settings.seed, LEAK_PRICE, BLOCKED_PRICE)
+            closed = polish(
+                shapes, targets, judge, sources, Scope(settings.kinds, settings.steps),
+                limit=settings.limit(), cell=air.cell, kept=len(fixed), seed=settings.seed,
+                progress=stages.fraction,
             )  # fmt: skip
             shapes = shapes if enough.good(shapes) and not enough.good(closed) else closed
     with stages("color"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,16 +27,25 @@ NEAR_CELLS = 3
 RAYS = 6_000
 """Rays that the set must stop where the surface does, neither after nor before."""
 
-LEAKS_WEIGHT, BLOCKS_WEIGHT = 20.0, 20.0
-"""Of all rays together, behind their hits and before them; surface and air weigh 1 each."""
+LEAKS_WEIGHT = 20.0
+"""Of all rays together, behind their hits; surface and air weigh 1 each."""
+
+BLOCKED_PRICE = 0.055
+"""Of the diagonal: what it costs when all rays are stopped before their hits."""
 
 LEAK_SHARE = 0.01
 """Of the diagonal: a ray that goes on for longer behind its hit has leaked."""
 
+SLACK_REACH = 0.5
+"""Of the reach: the most that a line may go on for in a finer grid, or it could not be told from a leak."""
+
 LEAK_CELLS = 0.5
 """A ray that passes the set at this distance costs half of what any leak costs at most."""
 
-_OWN_RAYS = 7_919
+LINES = 120_000
+"""Rays that are counted: fewer are learned by heart, and others go on leaking."""
+
+_OWN_RAYS, _OWN_LINES = 7_919, 15_485_863
 """Added to the seed: rays that the set is measured with are others."""
 
 _RUN_REACH = 0.25
@@ -136,7 +145,6 @@ def _rows(
     normals: Float64 | None = None,
     sample: NDArray[np.int64] | None = None,
     ways: Float64 | None = None,
-    passing: bool = False,
 ) -> Targets:
     """Targets at points (p, 3); what is not given is zero, and no sample."""
     reach, blank = REACH_CELLS * air.cell, np.zeros((len(points), 3))
@@ -148,40 +156,63 @@ def _rows(
         sample=np.full(len(points), -1) if sample is None else sample,
         caps=np.full(len(points), reach),
         ways=blank if ways is None else ways,
-        passing=np.full(len(points), passing),
+        is_line=np.zeros(len(points), bool),
+        late=np.zeros(len(points)),
         reach=reach,
         soft=SOFT_CELLS * air.cell,
         leak=LEAK_CELLS * air.cell,
+        slack=min(LEAK_SHARE * air.walls.diagonal, SLACK_REACH * reach),
     )
 
 
 def _ray_targets(air: Air, seed: int) -> tuple[Targets, Targets]:
-    """Random rays behind their hits, and before them; which weigh `LEAKS_WEIGHT` and `BLOCKS_WEIGHT`."""
+    """Random rays behind their hits, by distance, and the same rays as lines that must pass before them."""
     origins = air.random_points(RAYS, seed + _OWN_RAYS)
     directions = random_directions(len(origins), seed + _OWN_RAYS)
-    distance, triangle = air.rays.first_hit(origins, directions)
+    ends, triangle = air.rays.first_hit(origins, directions)
     missed = LEAK_SHARE * air.walls.diagonal
     hit = np.flatnonzero(triangle >= 0)
-    points = origins[hit] + distance[hit, None] * directions[hit]
+    points = origins[hit] + ends[hit, None] * directions[hit]
     normals = air.walls.normals[triangle[hit]]
     normals = normals * -np.copysign(1.0, np.einsum("pk,pk->p", normals, directions[hit]))[:, None]
     weights = np.full(len(hit), LEAKS_WEIGHT / max(len(hit), 1))
     behind = _rows(air, points, weights, normals=normals, ways=missed * directions[hit])
-    free = np.minimum(distance, air.walls.diagonal) - missed
-    before = np.flatnonzero(free > 0)
-    weights = np.full(len(before), BLOCKS_WEIGHT / max(len(origins), 1))
-    ways = free[before, None] * directions[before]
-    return behind, _rows(air, origins[before], weights, ways=ways, passing=True)
+    return behind, _lines(air, origins, directions, ends, 0.0, BLOCKED_PRICE)
+
+
+def count_rays(targets: Targets, air: Air, seed: int, leak_price: float, blocked_price: float) -> Targets:
+    """The targets with `LINES` rays that are counted, one by one, in the place of all rays.
+
+    leak_price, blocked_price: shares of the diagonal, what it costs when all leak and when all are blocked.
+    """
+    starts = air.random_points(LINES // RAYS_PER_POINT, seed + _OWN_LINES)
+    origins = np.repeat(starts, RAYS_PER_POINT, axis=0)
+    directions = random_directions(len(origins), (seed + _OWN_LINES, 1))
+    ends = air.rays.first_hit(origins, directions)[0]
+    points = targets.select(np.flatnonzero(~targets.is_line & ~targets.is_ray))
+    lines = _lines(air, origins, directions, ends, leak_price, blocked_price)
+    return along_a_curve(join_targets([points, lines]))
+
+
+def _lines(
+    air: Air, origins: Float64, directions: Float64, ends: Float64, leak_price: float, blocked_price: float
+) -> Targets:
+    """Lines along rays that meet the surface at `ends` (p,); where it is never met they can't leak."""
+    diagonal, met = air.walls.diagonal, np.isfinite(ends)
+    blank = _rows(air, origins, np.full(len(ends), blocked_price * diagonal / max(len(ends), 1)))
+    late = np.where(met, leak_price * diagonal / max(int(met.sum()), 1), 0.0)
+    ways = (np.where(met, ends, diagonal) + blank.slack)[:, None] * directions
+    return replace(blank, ways=ways, is_line=np.ones(len(ends), bool), late=late)
 
 
 def along_a_curve(targets: Targets) -> Targets:
     """The same targets, neighbours in space side by side: runs of rows are compact, strides spread evenly.
 
-    The long ways that must be free come last, by themselves.
+    The lines come last, by themselves.
     """
     lower = targets.points.min(axis=0, initial=np.inf)
     cells = ((targets.points - lower) / (_RUN_REACH * targets.reach)).astype(np.int64)
-    return targets.select(np.lexsort([morton_code(cells.T), targets.passing]))
+    return targets.select(np.lexsort([morton_code(cells.T), targets.is_line]))
 
 
 def _air_points(air: Air, count: int, seed: int) -> tuple[Float64, Float64]:

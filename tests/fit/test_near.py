@@ -33,8 +33,8 @@ def scattered(count: int, seed: int = 0) -> Targets:
     ways[kind == 2] *= 20
     return Targets(
         points=points, distances=np.zeros(count), weights=np.ones(count), normals=np.zeros((count, 3)),
-        sample=np.where(kind == 0, 0, -1), caps=np.full(count, REACH), ways=ways, passing=kind == 2,
-        reach=REACH, soft=0.001, leak=0.01,
+        sample=np.where(kind == 0, 0, -1), caps=np.full(count, REACH), ways=ways, is_line=kind == 2,
+        late=np.zeros(count), reach=REACH, soft=0.001, leak=0.01, slack=0.02,
     )  # fmt: skip
 
 
@@ -61,14 +61,14 @@ def test_all_that_is_near_is_found(which: int) -> None:
     rows, distances = near_distances(shapes, which, targets)
     np.testing.assert_array_equal(rows, np.flatnonzero(everywhere < REACH))
     np.testing.assert_array_equal(distances, everywhere[rows])
-    assert targets.passing[rows].any() and targets.is_ray[rows].any() and targets.is_surface[rows].any()
+    assert targets.is_line[rows].any() and targets.is_ray[rows].any() and targets.is_surface[rows].any()
 
 
-def test_long_free_ways_are_looked_at_only_where_they_pass() -> None:
+def test_long_lines_are_looked_at_only_where_they_pass() -> None:
     targets = scattered(20 * RUN)
     small = make_shapes(Kind.SPHERE, np.full((1, 3), 0.5), np.eye(3), np.full(3, 0.02))
-    looked_at = near_rows(small, 0, targets.select(targets.passing), REACH)
-    assert 0 < len(looked_at) < 0.3 * targets.passing.sum()
+    looked_at = near_rows(small, 0, targets.select(targets.is_line), REACH)
+    assert 0 < len(looked_at) < 0.3 * targets.is_line.sum()
 
 
 def test_what_is_remembered_is_one_shapes_own() -> None:

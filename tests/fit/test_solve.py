@@ -295,7 +295,7 @@ def test_stages_are_reported_in_order() -> None:
     calls: list[tuple[str, float]] = []
     result = fit(scene_of([Item(box((1, 1, 1)))]), QUICK, progress=lambda *call: calls.append(call))
     stages = list(dict.fromkeys(name for name, _ in calls))
-    assert stages == ["air", "samples", "parts", "build", "color", "measure"] == list(result.seconds)
+    assert stages == ["air", "samples", "parts", "build", "close", "color", "measure"] == list(result.seconds)
     assert all(0 <= fraction <= 1 for _, fraction in calls)
 
 

@@ -20,7 +20,6 @@ from fit.sdf import distance
 from fit.shapes import (
     PARAMETERS,
     Shapes,
-    cross,
     join,
     make_shapes,
     moved,
@@ -30,6 +29,7 @@ from fit.shapes import (
     rotation_matrices,
     to_primitives,
 )
+from fit.spans import cross
 from fit.split import mesh_pieces, split
 from fit.surface import from_scene, from_triangles
 from fit.trace import first_hits
@@ -51,7 +51,8 @@ def targets_around(shapes: Shapes, count: int = 1500, seed: int = 1) -> Targets:
     points = np.random.default_rng(seed).uniform(-2.5, 2.5, (count, 3))
     blank = Targets(
         points, np.zeros(count), np.full(count, 1 / count), np.zeros((count, 3)), np.arange(count),
-        np.full(count, 5.0), np.zeros((count, 3)), np.zeros(count, bool), 5.0, 1e-3, 0.1,
+        np.full(count, 5.0), np.zeros((count, 3)), np.zeros(count, bool), np.zeros(count),
+        5.0, 1e-3, 0.1, 0.1,
     )  # fmt: skip
     known = np.maximum(set_distances(shapes, blank), 0)
     outside = np.flatnonzero(known > 0)
