@@ -18,12 +18,13 @@ from fit import gltf, solve
 from fit.canonical import TurnedAir, world_air
 from fit.measure import Probes, measure, measure_each, place_probes
 from fit.objective import Targets, error
+from fit.polish import BLOCKED_PRICE, LEAK_PRICE
 from fit.primitives import Kind, PrimitiveSet
 from fit.rays import RayCaster
 from fit.scene import Scene
 from fit.shapes import Shapes, no_shapes, to_primitives
 from fit.surface import Surface, from_scene
-from fit.targets import make_targets, see_surface
+from fit.targets import count_rays, make_targets, see_surface
 from pipelines.bench_fit_peers import VARIANTS, Peer, hulls, to_shapes
 from pipelines.convert import describe_primitives
 from pipelines.worker import Progress
@@ -67,7 +68,8 @@ def prepare(
     progress("points", 0.8)
     fresh = seed + FRESH_SEED
     seen = see_surface(air, solve.SURFACE_SAMPLES, fresh)
-    targets = make_targets(seen, air, seen.weights, solve.AIR_SAMPLES, fresh)
+    points = make_targets(seen, air, seen.weights, solve.AIR_SAMPLES, fresh)
+    targets = count_rays(points, air, fresh, LEAK_PRICE, BLOCKED_PRICE)
     _write(store, Prepared(scene, surface, air, targets, place_probes(surface, air, fresh)))
     return {
         "triangles": len(surface),
@@ -115,7 +117,7 @@ def run_peer(
 def judge(primitives: PrimitiveSet, prepared: Prepared, seed: int) -> dict[str, Any]:
     """A row's keys that follow from a set: what is in it, and how well it stands in for the scene.
 
-    `error` is the method's own error E at fresh points, as a share of the empty set's.
+    `error` is the method's own error J at fresh points and rays, as a share of the empty set's.
     """
     metrics = measure(
         primitives, prepared.surface, prepared.air, seed=seed + FRESH_SEED, probes=prepared.probes
@@ -128,7 +130,7 @@ def judge(primitives: PrimitiveSet, prepared: Prepared, seed: int) -> dict[str, 
 
 
 def relative_error(primitives: PrimitiveSet, targets: Targets) -> float:
-    """E of the set over E of no set at all: 0 is perfect, 1 is worth nothing. Both in the same axes."""
+    """J of the set over J of no set at all: 0 is perfect, 1 is worth nothing. Both in the same axes."""
     nothing = error(no_shapes(), targets)
     return error(from_primitives(primitives), targets) / nothing if nothing > 0 else 0.0
 
