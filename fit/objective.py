@@ -18,7 +18,8 @@ Before that surface the ray must pass: what stops it there costs as much as a le
 thin sheet across a door; only the ray does. So whole rays are targets as well, *lines*, whose distance is how
 much farther than the surface they meet the set: they are charged for meeting it too early, or too late.
 
-Of air inside the set it counts once more, in the same saturating way, that it is filled.
+Of air inside the set it counts once more, in the same saturating way, that it is `filled`: a place is, or it
+is not.
 
 Of points inside a solid (D < 0) only what is farther out counts: a union's distance there is a bound.
 """
@@ -40,9 +41,6 @@ from fit.spans import cross, entries_of_one
 STICKS_OUT = 1.3
 """Error of a set nearer than the surface (it darkens the air) against one that is farther (it leaks)."""
 
-FILLED = 40.0
-"""Error of air inside the set, beside that of its distance: a place is filled or it is not."""
-
 PLACES = (0.0, 0.5, 1.0)
 """Where along a ray's way the set's distance is taken; the least of them is the ray's."""
 
@@ -63,8 +61,9 @@ class Targets:
     toward the air, zero where there is none to tell; sample (p,) row of the surface samples that a point is,
     else -1; caps (p,): farther distances count as this one, at most `reach`; ways (p, 3): of rays, to where
     they have leaked, from the hit or, is_line (p,) bool, from their start; late (p,): what a line costs that
-    leaks, and `weights` what it costs when stopped by more than `slack` before the surface; soft: errors far
-    below count as none; leak: distance from which a ray's error hardly grows."""
+    leaks, and `weights` what it costs when stopped by more than `slack` before the surface; filled (p,): what
+    air inside the set counts beside its distance, in units of `leak`; soft: errors far below count as none;
+    leak: distance from which a ray's error hardly grows."""
 
     points: Float64
     distances: Float64
@@ -75,6 +74,7 @@ class Targets:
     ways: Float64
     is_line: NDArray[np.bool_]
     late: Float64
+    filled: Float64
     reach: float
     soft: float
     leak: float
@@ -156,8 +156,8 @@ def penalties(targets: Targets, distances: Float64, rows: Rows = slice(None)) ->
     residual, error = _residuals(targets, distances, rows)
     error = np.where(targets.is_ray[rows], error / (1 + error / targets.leak), error)
     error *= np.where(residual < 0, STICKS_OUT, 1.0)
-    depth = np.where(targets.distances[rows] > 0, np.clip(-distances, 0.0, targets.reach), 0.0)
-    error = targets.weights[rows] * (error + FILLED * depth / (1 + depth / targets.leak))
+    depth = np.clip(-distances, 0.0, targets.reach)
+    error = targets.weights[rows] * (error + targets.filled[rows] * depth / (1 + depth / targets.leak))
     if is_line.any():
         index = np.arange(len(targets))[rows][is_line]
         error[is_line] = penalties(targets, distances[is_line], index)
@@ -170,8 +170,8 @@ def penalty_slopes(targets: Targets, distances: Float64, rows: Rows = slice(None
     slope = residual / (error + targets.soft)
     slope = np.where(targets.is_ray[rows], slope / (1 + error / targets.leak) ** 2, slope)
     slope *= np.where(residual < 0, STICKS_OUT, 1.0)
-    depth = np.where(targets.distances[rows] > 0, np.maximum(-distances, 0.0), 0.0)
-    slope -= np.where(depth > 0, FILLED / (1 + depth / targets.leak) ** 2, 0.0)
+    depth = np.maximum(-distances, 0.0)
+    slope -= np.where(depth > 0, targets.filled[rows] / (1 + depth / targets.leak) ** 2, 0.0)
     slope[targets.is_line[rows] | (distances >= targets.caps[rows]) | (distances <= -targets.reach)] = 0.0
     return targets.weights[rows] * slope
 

@@ -156,7 +156,7 @@ def distance_table(shapes: Shapes, occupancy: Occupancy, bands: float = 1.0) -> 
     for i in range(len(shapes)):
         runs, distances = _near_runs(shapes, i, occupancy, bands)
         table[i, runs] = distances
-    return table.reshape(len(shapes), -1)[:, : len(occupancy)]
+    return table.reshape(len(shapes), occupancy.by_run[..., 0].size)[:, : len(occupancy)]
 
 
 def nearest(shapes: Shapes, occupancy: Occupancy, bands: float = 1.0) -> tuple[NDArray[np.int64], Float64]:

@@ -198,5 +198,6 @@ def inside_targets(targets: Targets, air: Air, solid: Solid, count: int, seed: i
         ways=np.zeros((len(points), 3)),
         is_line=np.zeros(len(points), bool),
         late=np.zeros(len(points)),
+        filled=np.zeros(len(points)),
     )
     return join_targets([targets, added])

@@ -30,6 +30,13 @@ RAYS = 6_000
 LEAKS_WEIGHT = 20.0
 """Of all rays together, behind their hits; surface and air weigh 1 each."""
 
+FILLED, FILLED_CLEAR = 40.0, 180.0
+"""Errors of air inside the set while it is grown, and once rays are counted where it is clear of any surface:
+to fill the air must cost more than the leaks that it closes."""
+
+CLEAR_CELLS = 1.4
+"""Cells from a surface beyond which air is clear of it."""
+
 BLOCKED_PRICE = 0.055
 """Of the diagonal: what it costs when all rays are stopped before their hits."""
 
@@ -158,6 +165,7 @@ def _rows(
         ways=blank if ways is None else ways,
         is_line=np.zeros(len(points), bool),
         late=np.zeros(len(points)),
+        filled=np.zeros(len(points)) if distances is None else np.full(len(points), FILLED),
         reach=reach,
         soft=SOFT_CELLS * air.cell,
         leak=LEAK_CELLS * air.cell,
@@ -183,6 +191,7 @@ def _ray_targets(air: Air, seed: int) -> tuple[Targets, Targets]:
 def count_rays(targets: Targets, air: Air, seed: int, leak_price: float, blocked_price: float) -> Targets:
     """The targets with `LINES` rays that are counted, one by one, in the place of all rays.
 
+    Air that is clear of surfaces costs more to fill: near them faces move to close what leaks.
     leak_price, blocked_price: shares of the diagonal, what it costs when all leak and when all are blocked.
     """
     starts = air.random_points(LINES // RAYS_PER_POINT, seed + _OWN_LINES)
@@ -190,6 +199,8 @@ def count_rays(targets: Targets, air: Air, seed: int, leak_price: float, blocked
     directions = random_directions(len(origins), (seed + _OWN_LINES, 1))
     ends = air.rays.first_hit(origins, directions)[0]
     points = targets.select(np.flatnonzero(~targets.is_line & ~targets.is_ray))
+    clear = points.distances > CLEAR_CELLS * air.cell
+    points = replace(points, filled=np.where(clear, FILLED_CLEAR, points.filled))
     lines = _lines(air, origins, directions, ends, leak_price, blocked_price)
     return along_a_curve(join_targets([points, lines]))
 

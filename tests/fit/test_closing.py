@@ -28,7 +28,7 @@ def lines_down(count: int, *, late: float = 0.0, seed: int = 0) -> Targets:
     return Targets(
         points, np.zeros(count), np.full(count, 1 / count), np.tile([0.0, 1, 0], (count, 1)),
         np.full(count, -1), np.full(count, REACH), np.tile([0.0, -1 - SLACK, 0], (count, 1)),
-        np.ones(count, bool), np.full(count, late / count), REACH, 1e-3, 0.1, SLACK,
+        np.ones(count, bool), np.full(count, late / count), np.zeros(count), REACH, 1e-3, 0.1, SLACK,
     )  # fmt: skip
 
 

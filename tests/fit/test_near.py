@@ -34,7 +34,7 @@ def scattered(count: int, seed: int = 0) -> Targets:
     return Targets(
         points=points, distances=np.zeros(count), weights=np.ones(count), normals=np.zeros((count, 3)),
         sample=np.where(kind == 0, 0, -1), caps=np.full(count, REACH), ways=ways, is_line=kind == 2,
-        late=np.zeros(count), reach=REACH, soft=0.001, leak=0.01, slack=0.02,
+        late=np.zeros(count), filled=np.zeros(count), reach=REACH, soft=0.001, leak=0.01, slack=0.02,
     )  # fmt: skip
 
 

@@ -47,7 +47,7 @@ def points_on(truth: Shapes, count: int = 1500, seed: int = 0) -> Targets:
     blank = np.zeros((rows, 3))
     targets = Targets(
         points[kept], np.minimum(distances[kept], REACH), np.full(rows, 1 / rows), blank, sample,
-        np.full(rows, REACH), blank, np.zeros(rows, bool), np.zeros(rows),
+        np.full(rows, REACH), blank, np.zeros(rows, bool), np.zeros(rows), 40.0 * (distances[kept] > 0),
         REACH, 1e-3, 0.1, 0.1,
     )  # fmt: skip
     return along_a_curve(targets)
@@ -61,7 +61,7 @@ def rays_down(count: int, seed: int = 0) -> Targets:
     return Targets(
         points, np.zeros(count), np.full(count, 1 / count), np.tile([0.0, 1, 0], (count, 1)),
         np.full(count, -1), np.full(count, REACH), np.tile([0.0, -0.2, 0], (count, 1)),
-        np.zeros(count, bool), np.zeros(count), REACH, 1e-3, 0.1, 0.1,
+        np.zeros(count, bool), np.zeros(count), np.zeros(count), REACH, 1e-3, 0.1, 0.1,
     )  # fmt: skip
 
 

@@ -51,7 +51,7 @@ def targets_around(shapes: Shapes, count: int = 1500, seed: int = 1) -> Targets:
     points = np.random.default_rng(seed).uniform(-2.5, 2.5, (count, 3))
     blank = Targets(
         points, np.zeros(count), np.full(count, 1 / count), np.zeros((count, 3)), np.arange(count),
-        np.full(count, 5.0), np.zeros((count, 3)), np.zeros(count, bool), np.zeros(count),
+        np.full(count, 5.0), np.zeros((count, 3)), np.zeros(count, bool), np.zeros(count), np.zeros(count),
         5.0, 1e-3, 0.1, 0.1,
     )  # fmt: skip
     known = np.maximum(set_distances(shapes, blank), 0)
