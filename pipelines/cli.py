@@ -13,11 +13,11 @@ from typing import Annotated, Any, Literal
 import cyclopts
 from cyclopts import Parameter
 
-from pipelines import bench_fit, compare, convert, demo, describe, matrix, render, slices
+from pipelines import bench_fit, bench_gi, compare, convert, demo, describe, matrix, render, slices
 from pipelines.console import Terminal
 from pipelines.errors import UsageError
 from pipelines.machine import package_version
-from pipelines.methods import METHODS
+from pipelines.methods import METHODS, Quality
 from pipelines.options import parse_budgets, parse_names, parse_probes, parse_size
 from pipelines.worker import describe_error
 
@@ -174,7 +174,9 @@ def render_scene(
     *,
     output: Annotated[Path, Output],
     set_: Annotated[Path | None, Parameter(name="--set")] = None,
-    gi: render.Technique = "sdfddgi",
+    gi: render.Technique | None = None,
+    quality: Quality | None = None,
+    presets: Path | None = None,
     camera: Annotated[str | None, Numbers] = None,
     sun: Annotated[str | None, Numbers] = None,
     sky: Annotated[str | None, Numbers] = None,
@@ -201,10 +203,14 @@ def render_scene(
     set_
         The scene's primitives, from convert; without it the scene is converted first.
     gi
-        The global illumination technique; none shows direct light alone. ddgi-triangles is DDGI that sees the
-        mesh itself, ddgi-cascades has four grids of probes around the camera. reference path traces the mesh
-        with Mitsuba (pip install 'sdfprim[reference]'), reference-gpu with the runtime: the truth, to compare
-        with. References are kept in the user's cache folder.
+        The global illumination technique, sdfddgi by default; none shows direct light alone. ddgi-triangles
+        is DDGI that sees the mesh itself, ddgi-cascades has four grids of probes around the camera. reference
+        path traces the mesh with Mitsuba (pip install 'sdfprim[reference]'), reference-gpu with the runtime:
+        the truth, to compare with. References are kept in the user's cache folder.
+    quality
+        Technique, probes, rays, and, without --set, number of primitives that bench gi found Pareto-best.
+    presets
+        A presets.json of bench gi that --quality chooses from; the program brings its own.
     camera
         A camera's name or number in the file, a named view, or x,y,z,tx,ty,tz,fov.
     sun
@@ -238,9 +244,11 @@ def render_scene(
     """
     terminal = Terminal(json)
     lighting = render.LightingOptions(sun, sky, lights == "file")
+    if quality and gi:
+        raise UsageError(f"--gi {gi}: --quality {quality} chooses the technique; leave one of them out")
     settings = render.PictureSettings(
-        scene, output, set_, gi, camera, lighting, exposure, scale, aov, parse_size(size), frames, view,
-        samples, noise, glossy,
+        scene, output, set_, gi or "sdfddgi", camera, lighting, exposure, scale, aov, parse_size(size),
+        frames, view, samples, noise, glossy, quality, presets,
     )  # fmt: skip
     with terminal.progress() as update:
         report = render.run(settings, update)
@@ -470,6 +478,116 @@ def bench_fits(
         report = bench_fit.run(settings, update)
     terminal.result(report, lambda: bench_fit.show(report, settings, terminal))
     return FAILED if bench_fit.failed(report) else OK
+
+
+@bench.command(name="gi")
+def bench_light(
+    *files: Path,
+    output: Annotated[Path, Output],
+    set_: Annotated[list[Path] | None, Parameter(name="--set", negative="")] = None,
+    budgets: str | None = None,
+    gi: str = ",".join(bench_gi.METHODS_TRIED),
+    probes: str = ",".join(map(str, bench_gi.PROBES)),
+    rays: str = ",".join(map(str, bench_gi.RAYS)),
+    truth: Literal["reference", "reference-gpu"] = "reference",
+    samples: int = 256,
+    noise: float | None = None,
+    camera: Annotated[list[str] | None, Numbers, Parameter(negative="")] = None,
+    sun: Annotated[str | None, Numbers] = None,
+    sky: Annotated[str | None, Numbers] = None,
+    lights: Literal["file"] | None = None,
+    exposure: Annotated[float, Numbers] = 0.0,
+    scale: float = 1.0,
+    size: str = "320x180",
+    timed_size: str | None = None,
+    frames: int = bench_gi.FRAMES,
+    timed_frames: int = 32,
+    air: Annotated[list[str] | None, Numbers, Parameter(negative="")] = None,
+    seed: int = 0,
+    json: Annotated[bool, Flag] = False,
+) -> int:
+    """Measure time and error of light over budgets, probes, rays and methods, and find the best settings.
+
+    Writes OUTPUT/report.json, report.html (one page that opens without a network), pictures, and presets.json
+    with the settings that render --quality takes, after every set.
+
+    Parameters
+    ----------
+    files
+        .gltf or .glb files.
+    output
+        Folder for the results; it is made where it is missing.
+    set_
+        A set of primitives of the one scene. May be given several times.
+    budgets
+        Fits to light through, by numbers of primitives; 8,32,128,512 by default, none beside --set.
+    gi
+        Ways to light, with commas between them. Those that see the mesh only light the largest set.
+    probes
+        Numbers of probes at most, with commas between them.
+    rays
+        Rays of a probe in a frame, multiples of 64, with commas between them.
+    truth
+        What path traces: reference (Mitsuba) or reference-gpu (the runtime).
+    samples
+        Paths for each point of the truth.
+    noise
+        End a path tracing once its mean absolute noise is this share of the mean, such as 0.02.
+    camera
+        As for render. May be given several times: errors and times are means over all.
+    sun
+        As for render.
+    sky
+        As for render.
+    lights
+        As for render.
+    exposure
+        Stops, the same for every picture.
+    scale
+        Multiplies every length.
+    size
+        Width x height in pixels of the pictures that are judged.
+    timed_size
+        Width x height in pixels of the frames that are timed; 1920x1080, or those that are judged on a
+        software adapter.
+    frames
+        Frames until the light is judged.
+    timed_frames
+        Frames that are timed, after the light has settled.
+    air
+        A space that is air, as for convert: outside, or a point x,y,z in it. May be given several times.
+    seed
+        Seed of all random choices.
+    json
+        Print the report as JSON.
+    """
+    from pipelines.gi_errors.truth import TruthSettings
+
+    terminal = Terminal(json)
+    settings = bench_gi.GiBenchSettings(
+        files,
+        output,
+        TruthSettings(truth, samples, noise, seed),
+        sets=tuple(set_ or ()),
+        budgets=parse_budgets("--budgets", budgets) if budgets else () if set_ else bench_gi.BUDGETS,
+        methods=parse_names("--gi", gi, METHODS),
+        probes=parse_budgets("--probes", probes),
+        rays=parse_budgets("--rays", rays),
+        cameras=tuple(camera or ()),
+        lighting=render.LightingOptions(sun, sky, lights == "file"),
+        exposure=exposure,
+        scale=scale,
+        size=parse_size(size),
+        timed_size=parse_size(timed_size) if timed_size else None,
+        frames=frames,
+        timed_frames=timed_frames,
+        air=tuple(air or ()),
+        seed=seed,
+    )
+    with terminal.progress() as update:
+        report = bench_gi.run(settings, update)
+    terminal.result(report, lambda: bench_gi.show(report, settings, terminal))
+    return FAILED if bench_gi.failed(report) else OK
 
 
 @app.command(name="demo")

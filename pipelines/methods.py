@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from pipelines.options import ProbesOption
 if TYPE_CHECKING:
     from fit.primitives import PrimitiveSet
     from runtime.probes import ProbeGrid
+
+Quality = Literal["fast", "balanced", "best"]
+"""Names of settings that `gi_presets` holds."""
 
 SOFTWARE_PROBES = 1024
 """Probes at most on a software adapter; a frame takes a second there and not ten."""
@@ -39,6 +42,11 @@ METHODS: Mapping[str, Method] = {
 }
 """`ddgi-triangles` is DDGI as ray-tracing hardware would run it: it sees the mesh and not the primitives.
 `ddgi-cascades` has its probes in four grids of 32 x 4 x 32 around the camera, whatever grid is asked for."""
+
+
+def sees_mesh(name: str) -> bool:
+    """Whether a method's rays meet the mesh itself, so that no set of primitives is between."""
+    return find_method(name).options.get("tracer") == "triangles"
 
 
 def find_method(name: str) -> Method:

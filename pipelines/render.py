@@ -14,6 +14,7 @@ from pipelines.console import Terminal, Update
 from pipelines.convert import ConvertSettings, describe_fit, describe_primitives, fit_scene, require_file
 from pipelines.documents import report_header
 from pipelines.errors import UsageError
+from pipelines.gi_presets import GiPreset, find_preset
 from pipelines.studio import AS_IN_THE_FILE, DEFAULT_FRAMES, LightingOptions, Studio
 from runtime.views import AOV_LAYERS, UNLIT, VIEWS
 
@@ -42,7 +43,8 @@ class PictureSettings:
     one frame and no technique, whatever `frames` and `gi` say.
 
     samples, noise: of a reference, paths a pixel, and the mean absolute noise, a share of the mean, at which
-    to end before. glossy: smooth surfaces and metals reflect.
+    to end before. glossy: smooth surfaces and metals reflect. quality: name of a preset, which then stands
+    for `gi`; presets: the file that it is in, instead of the program's own.
     """
 
     scene: Path
@@ -60,6 +62,13 @@ class PictureSettings:
     samples: int = DEFAULT_SAMPLES
     noise: float | None = None
     glossy: bool = False
+    quality: str | None = None
+    presets: Path | None = None
+
+    @property
+    def preset(self) -> GiPreset | None:
+        """What `quality` names."""
+        return None if self.quality is None else find_preset(self.quality, self.presets)
 
 
 def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
@@ -74,6 +83,8 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
     from fit import gltf
 
     check(settings)
+    if (preset := settings.preset) is not None:
+        settings = replace(settings, gi=preset.gi)  # type: ignore[arg-type]
     if settings.gi == "reference":
         from pipelines.reference.mitsuba import load_mitsuba
 
@@ -97,7 +108,10 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
 
     began = time.perf_counter()
     views = (settings.view, *(AOV_LAYERS if settings.aov else ()))
-    result = studio.render(primitives, settings.gi, settings.frames, views, done, glossy=settings.glossy)
+    options = {} if preset is None else preset.technique_options(software=studio.gpu.is_software)
+    result = studio.render(
+        primitives, settings.gi, settings.frames, views, done, glossy=settings.glossy, **options
+    )
     seconds = time.perf_counter() - began
     write_picture(settings, result)
     return (
@@ -147,6 +161,10 @@ def check(settings: PictureSettings) -> None:
         raise UsageError(f"-o {settings.output}: there is no folder {settings.output.parent}; make it first")
     if settings.output.is_dir() or not os.access(settings.output.parent, os.W_OK | os.X_OK):
         raise UsageError(f"-o {settings.output}: nothing may be written there; name another file")
+    if settings.presets is not None and settings.quality is None:
+        raise UsageError(f"--presets {settings.presets}: say which of them by --quality")
+    if settings.preset is not None and settings.gi in REFERENCES:
+        raise UsageError(f"--quality {settings.quality}: --gi {settings.gi} takes no probes")
     if settings.frames < 1:
         raise UsageError(f"--frames {settings.frames}: give at least 1")
     if settings.samples < 2:
@@ -194,7 +212,9 @@ def _primitives(
     def converting(stage: str, fraction: float) -> None:
         progress(f"no --set given, converting: {stage}", CONVERT_SHARE * fraction)
 
-    result = fit_scene(scene, ConvertSettings((settings.scene,), settings.output.parent), converting)
+    most = None if settings.preset is None else settings.preset.max_primitives
+    convert = ConvertSettings((settings.scene,), settings.output.parent, max_primitives=most)
+    result = fit_scene(scene, convert, converting)
     return result.primitives, result.air, describe_fit(result) | {"file": None}
 
 

@@ -15,7 +15,7 @@ UInt8 = NDArray[np.uint8]
 
 
 def pair(sources: Mapping[str, str], names: tuple[str, ...], tags: tuple[str, ...], caption: str) -> str:
-    """Two pictures over each other with a divider that can be dragged."""
+    """Two pictures over each other, a divider that can be dragged, and a button to blink between them."""
     (left, right), (left_tag, right_tag) = names, tags
     label = escape(f"Divider between {left_tag} and {right_tag}", quote=True)
     return (
@@ -24,7 +24,8 @@ def pair(sources: Mapping[str, str], names: tuple[str, ...], tags: tuple[str, ..
         f'<input type="range" min="0" max="100" step="0.1" value="50" aria-label="{label}">'
         f'<div class="edge"></div><span class="tag left">{escape(left_tag)}</span>'
         f'<span class="tag right">{escape(right_tag)}</span></div>'
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
+        f'<figcaption>{escape(caption)} <button type="button" class="blink">Blink</button></figcaption>'
+        "</figure>"
     )
 
 

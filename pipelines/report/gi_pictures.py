@@ -1,0 +1,67 @@
+"""Pictures of the page of `bench gi`: each setting beside the truth, and where the two differ."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+from pipelines.bench_gi_results import picture_name, shown_runs
+from pipelines.report.gi_advice import describe, percent
+from pipelines.report.gi_tables import title_of
+from pipelines.report.pictures import pair, single
+
+Report = Mapping[str, Any]
+Sources = Mapping[str, str]
+
+TRUTH = "the truth: the mesh, path traced"
+
+
+def best_beside_truth(report: Report, sources: Sources) -> str:
+    """The first scene's first view by the balanced setting."""
+    scene = next((scene for scene in report["scenes"] if scene["runs"]), None)
+    if scene is None or not report["presets"]:
+        return ""
+    wanted = describe(report["presets"]["balanced"])
+    run = next(run for run in scene["runs"] if describe(run) == wanted)
+    return f"<p></p>{_beside_truth(scene, run, scene['views'][0]['name'], sources, 'balanced')}"
+
+
+def pictures(report: Report, scene: Report, sources: Sources) -> str:
+    """Of the presets and of the best of each method."""
+    parts = ["<h3>Pictures of the presets, and of the best of each method</h3>"]
+    for run in shown_runs(scene, report["presets"]):
+        parts.append(f"<h4>{escape(title_of(report, run))}</h4>")
+        for view in scene["views"]:
+            name = view["name"]
+            parts.append(_beside_truth(scene, run, name, sources, run["method"]))
+            parts.append(_maps(scene, run, name, sources))
+    return "".join(parts)
+
+
+def _beside_truth(scene: Report, run: Report, view: str, sources: Sources, tag: str) -> str:
+    names = tuple(picture_name(scene, run, view, kind) for kind in ("mesh", "ours"))
+    total = run["views"][view]["total"]
+    caption = (
+        f"{scene['name']}, {view}: {describe(run)}. Total error {percent(total['irradiance']['ratio'])}, "
+        f"relMSE {total['irradiance']['rel_mse']:.3g}, FLIP {total['flip']:.3f}. Drag to compare, or blink."
+    )
+    return pair(sources, names, (TRUTH, tag), caption)
+
+
+def _maps(scene: Report, run: Report, view: str, sources: Sources) -> str:
+    found = run["views"][view]
+    shown = []
+    for kind, words in (
+        ("fit", "the set, path traced, against the mesh"),
+        ("solver", "the picture against the path-traced set"),
+        ("total", "the picture against the path-traced mesh"),
+    ):
+        if found["fit"] is None and kind != "total":
+            continue
+        caption = f"FLIP of the {kind} error {found[kind]['flip']:.3f}: {words}. Bright is different."
+        shown.append(single(sources[picture_name(scene, run, view, f"{kind}-flip")], caption))
+    if found["fit"] is not None:
+        name = picture_name(scene, run, view, "primitives")
+        shown.append(single(sources[name], f"{run['set']}, {run['primitives']} primitives, path traced."))
+    return f'<p></p><div class="row">{"".join(shown)}</div><p></p>'
