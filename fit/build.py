@@ -167,7 +167,7 @@ class _Growth:
         return self._filled(rest, size)
 
     def _split(self, shapes: Shapes, size: int) -> Shapes:
-        """The boxes of the largest error of their own cut in two, while the set is short."""
+        """The boxes of the largest error of their own in two, while the set is short."""
         return cut_worst(
             shapes, self.targets, self._refined, most=size, least_gain=self.least, kept=self.kept
         )

@@ -1,4 +1,4 @@
-"""One box becomes two where one does not do: cut across its longest side and refined, if E falls."""
+"""One box becomes two where one does not do: its halves, or its ends with the middle left open."""
 
 from __future__ import annotations
 
@@ -14,13 +14,16 @@ from fit.shapes import Shapes, join, make_shapes
 TRIED = 3
 """Boxes that are cut on trial, those of the largest error of their own first."""
 
+ENDS = (0.12, 0.24, 0.36)
+"""Of a side: each end of a box whose middle is left open, as that of a lid over a court should be."""
+
 Refine = Callable[[Shapes, NDArray[np.bool_]], Shapes]
 
 
 def cut_worst(
     shapes: Shapes, targets: Targets, refine: Refine, *, most: int, least_gain: float = 0.0, kept: int = 0
 ) -> Shapes:
-    """The set with up to `TRIED` boxes cut in two, as long as there is room and each takes enough off E."""
+    """The set with up to `TRIED` boxes in two, as long as there is room and each takes enough off E."""
     table = distance_table(shapes, targets)
     own = np.bincount(table.argmin(axis=0), penalties(targets, table.min(axis=0)), len(shapes))
     can = (shapes.kinds == Kind.BOX) & ~shapes.exact & (np.arange(len(shapes)) >= kept)
@@ -29,10 +32,11 @@ def cut_worst(
     for i in worst:
         if len(shapes) >= most:
             break
-        second = len(shapes)
-        trial = _cut(shapes, i)
-        free = np.zeros(len(trial), bool)
-        free[[i, second]] = True
+        longest, second = np.argsort(-shapes.halves[i], kind="stable")[:2]
+        cuts = [(longest, 0.5), *((axis, share) for axis in (longest, second) for share in ENDS)]
+        trial = min((_cut(shapes, i, axis, share) for axis, share in cuts), key=lambda t: error(t, targets))
+        free = np.arange(len(trial)) == len(shapes)
+        free[i] = True
         trial = refine(trial, free)
         reached = error(trial, targets)
         if lowest - reached > least_gain:
@@ -40,12 +44,11 @@ def cut_worst(
     return shapes
 
 
-def _cut(shapes: Shapes, which: int) -> Shapes:
-    """The set with one box in two halves, the first in its place and the second at the end."""
-    axis = int(np.argmax(shapes.halves[which]))
+def _cut(shapes: Shapes, which: int, axis: int, share: float) -> Shapes:
+    """The set with the two ends of one box, each this share of it: one in its place, the other last."""
     halves = shapes.halves[which].copy()
-    halves[axis] /= 2
-    offset = shapes.frames[which][:, axis] * halves[axis]
+    offset = shapes.frames[which][:, axis] * halves[axis] * (1 - share)
+    halves[axis] *= share
     both = make_shapes(
         Kind.BOX,
         np.stack([shapes.centers[which] - offset, shapes.centers[which] + offset]),

@@ -4,8 +4,8 @@ Growth needs slopes, and follows leaks by distances. Its set is finished under
 
     J(S) = E(S) without its rays + leak price * leaks(S) + `BLOCKED_PRICE` * blocked(S)
 
-by rounds of the same moves: the shapes that J needs least are dropped or merged, those that lower it most are
-chosen, and the faces around them are closed. No round is kept unless J fell.
+by rounds of the same moves: the shapes that J needs least are dropped or merged, the worst boxes are cut, the
+candidates that lower J most are chosen, and faces around them are closed. No round is kept unless J fell.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fit.build import Scope, Sources
 from fit.choose import choose, offer, prune
 from fit.close import STEPS, close_leaks
+from fit.cut import cut_worst
 from fit.merge import thin_out
 from fit.objective import Targets, error, set_distances, thin
 from fit.shapes import Shapes, are_of, join, no_shapes
@@ -65,9 +66,15 @@ def polish(
     """
     best = close_leaks(shapes, judge, cell=cell, free=np.arange(len(shapes)) >= kept)
     lowest, few = error(best, judge), thin(judge, CHOSEN_BY)
+
+    def closing(trial: Shapes, free: NDArray[np.bool_]) -> Shapes:
+        return close_leaks(trial, few, cell=cell, free=free)
+
     rng, idle, offered = np.random.default_rng(seed), 0, no_shapes()
     for number in range(ROUNDS if "teleportation" in scope.steps and len(best) > kept else 0):
         rest = _without_idle(best, few, kept, "merging" in scope.steps)
+        if "splitting" in scope.steps:
+            rest = cut_worst(rest, few, closing, most=limit, kept=kept)
         if number % ASKED_EVERY == 0:
             offered = _proposed(rest, targets, sources, scope, rng)
         trial = join([rest, _chosen(offered, rest, few, limit - len(rest))])
