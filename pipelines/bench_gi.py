@@ -84,7 +84,7 @@ class GiBenchSettings:
 
 
 def run(settings: GiBenchSettings, update: Update) -> dict[str, Any]:
-    """Measures every scene; the report is written after every set, so that an interrupt costs one.
+    """Measures every scene; the report is written after every method, so that an interrupt costs one.
 
     Raises:
         UsageError: a file or camera is not there, or the options make no sense.
@@ -144,7 +144,7 @@ class _Bench:
     settings: GiBenchSettings
     report: dict[str, Any]
     pictures: dict[str, Any] = field(default_factory=dict)
-    written: set[Path] = field(default_factory=set)
+    written: tuple[Path, ...] = ()
 
     def run_scene(self, file: Path, name: str, update: Update) -> None:
         """Everything on one scene; what is wrong with the scene is its failure and not the bench's."""
@@ -189,9 +189,10 @@ class _Bench:
         for wish, named, found in jobs:
             budget = wish.budget or len(named.primitives)
             results.add_set(named, steps.next(f"{named.name}: "))
-            for variant in found:
+            for number, variant in enumerate(found, 1):
                 results.add_run(named, budget, variant, steps.next(f"{named.name}, {variant.name}: "))
-            self.write()
+                if number == len(found) or found[number].method != variant.method:
+                    self.write()
 
     def _obtain(self, name: str, scene: Any, update: Update) -> list[tuple[Wish, NamedSet]]:
         """The sets by rising number of primitives."""
@@ -224,11 +225,12 @@ class _Bench:
         write_presets(folder / "presets.json", {name: preset_of(row) for name, row in chosen.items()}, source)
         shown = shown_pictures(done, chosen, self.pictures)
         files = {folder / f"{file_stem(name)}.png": pixels for name, pixels in shown.items()}
-        for file in self.written - set(files):
-            file.unlink(missing_ok=True)
+        for file in self.written:
+            if file not in files:
+                file.unlink(missing_ok=True)
         for file, pixels in files.items():
             write_png(file, pixels)
-        self.written = set(files)
+        self.written = tuple(files)
         write_text(self.settings.page, build_page(to_json_value(self.report), shown))
 
 

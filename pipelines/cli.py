@@ -509,7 +509,7 @@ def bench_light(
     """Measure time and error of light over budgets, probes, rays and methods, and find the best settings.
 
     Writes OUTPUT/report.json, report.html (one page that opens without a network), pictures, and presets.json
-    with the settings that render --quality takes, after every set.
+    with the settings that render --quality takes, after every method.
 
     Parameters
     ----------

@@ -35,7 +35,8 @@ def advice_lines(report: Report) -> list[str]:
 
 def describe(row: Report) -> str:
     """A setting in words: its limits, of primitives and of probes."""
-    name = f"{row['method']}, {row['max_primitives']:,} primitives"
+    count = row["max_primitives"]
+    name = f"{row['method']}, {count:,} primitive{'s' if count > 1 else ''}"
     if row["max_probes"] is None:
         return name
     return f"{name}, {row['max_probes']:,} probes, {row['rays_per_probe']} rays"

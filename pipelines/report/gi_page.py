@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipelines.report.curves import Point, curves
 from pipelines.report.elements import facts, machine_fact, page, table, version_fact
 from pipelines.report.gi_advice import MEANINGS, advice_lines, describe, percent
-from pipelines.report.gi_pictures import best_beside_truth, pictures
+from pipelines.report.gi_pictures import best_beside_truth, pictures, sets_beside_truth
 from pipelines.report.gi_tables import all_runs, errors_in_full, passes, sets
 from pipelines.report.pictures import data_uri
 from pipelines.report.plots import short_number
@@ -20,10 +20,13 @@ from pipelines.report.plots import short_number
 UInt8 = NDArray[np.uint8]
 Report = Mapping[str, Any]
 
+JPEG_QUALITY = 95
+"""Of embedded pictures; there are many, and the PNG files beside the page are exact."""
+
 
 def build_page(report: Report, shown: Mapping[str, UInt8]) -> str:
     """The whole page; `report` holds JSON values only, `shown` are sRGB pixels (h, w, 3) by name."""
-    sources = {name: data_uri(pixels) for name, pixels in shown.items()}
+    sources = {name: data_uri(pixels, JPEG_QUALITY) for name, pixels in shown.items()}
     names = ", ".join(scene["name"] for scene in report["scenes"])
     sections = [
         f"<h1>{escape(names)}: which setting should I use, and what do I lose?</h1>",
@@ -127,6 +130,7 @@ def _scene(report: Report, scene: Report, sources: Mapping[str, str]) -> str:
             all_runs(report, scene),
             passes(report, scene),
             sets(scene),
+            sets_beside_truth(report, scene, sources),
             pictures(report, scene, sources),
             errors_in_full(scene),
             _notes(scene),

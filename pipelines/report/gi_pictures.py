@@ -39,6 +39,23 @@ def pictures(report: Report, scene: Report, sources: Sources) -> str:
     return "".join(parts)
 
 
+def sets_beside_truth(report: Report, scene: Report, sources: Sources) -> str:
+    """What the fit alone costs, in each view."""
+    runs = {run["set"]: run for run in shown_runs(scene, report["presets"])}
+    parts = []
+    for run in runs.values():
+        for view in scene["views"]:
+            name = view["name"]
+            names = tuple(picture_name(scene, run, name, kind) for kind in ("mesh", "primitives"))
+            words = f"{run['primitives']} primitives, path traced"
+            fit = next(row for row in scene["sets"] if row["name"] == run["set"])["views"][name]["fit"]
+            caption = f"{name}: what the fit alone costs. Drag to compare, or blink."
+            flip = f"FLIP of the fit error {fit['flip']:.3f}. Bright is different."
+            parts.append(pair(sources, names, (TRUTH, words), caption))
+            parts.append(single(sources[picture_name(scene, run, name, "fit-flip")], flip))
+    return f'<div class="row">{"".join(parts)}</div>'
+
+
 def _beside_truth(scene: Report, run: Report, view: str, sources: Sources, tag: str) -> str:
     names = tuple(picture_name(scene, run, view, kind) for kind in ("mesh", "ours"))
     total = run["views"][view]["total"]
@@ -52,16 +69,10 @@ def _beside_truth(scene: Report, run: Report, view: str, sources: Sources, tag: 
 def _maps(scene: Report, run: Report, view: str, sources: Sources) -> str:
     found = run["views"][view]
     shown = []
-    for kind, words in (
-        ("fit", "the set, path traced, against the mesh"),
-        ("solver", "the picture against the path-traced set"),
-        ("total", "the picture against the path-traced mesh"),
-    ):
-        if found["fit"] is None and kind != "total":
-            continue
-        caption = f"FLIP of the {kind} error {found[kind]['flip']:.3f}: {words}. Bright is different."
-        shown.append(single(sources[picture_name(scene, run, view, f"{kind}-flip")], caption))
-    if found["fit"] is not None:
-        name = picture_name(scene, run, view, "primitives")
-        shown.append(single(sources[name], f"{run['set']}, {run['primitives']} primitives, path traced."))
+    for kind, words in (("solver", "the path-traced set"), ("total", "the path-traced mesh")):
+        if kind == "total" or found["fit"] is not None:
+            caption = (
+                f"FLIP of the {kind} error {found[kind]['flip']:.3f}: against {words}. Bright is different."
+            )
+            shown.append(single(sources[picture_name(scene, run, view, f"{kind}-flip")], caption))
     return f'<p></p><div class="row">{"".join(shown)}</div><p></p>'

@@ -37,8 +37,12 @@ def single(source: str, caption: str) -> str:
     )
 
 
-def data_uri(pixels: UInt8) -> str:
-    """sRGB pixels (h, w, 3) as the address of an embedded PNG."""
-    stream = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(pixels[..., :3])).save(stream, format="PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
+def data_uri(pixels: UInt8, quality: int | None = None) -> str:
+    """sRGB pixels (h, w, 3) as the address of an embedded PNG, or of a JPEG of this quality, up to 100."""
+    stream, image = io.BytesIO(), Image.fromarray(np.ascontiguousarray(pixels[..., :3]))
+    if quality is None:
+        image.save(stream, format="PNG", optimize=True)
+    else:
+        image.save(stream, format="JPEG", quality=quality, subsampling=0)
+    kind = "png" if quality is None else "jpeg"
+    return f"data:image/{kind};base64," + base64.b64encode(stream.getvalue()).decode("ascii")
