@@ -64,6 +64,7 @@ class DdgiUpdate(GpuStruct):
     rays: u32
     hysteresis: f32
     hysteresis_drop: f32
+    settling_growth: f32
     change_clear: f32
     change_altogether: f32
     gamma: f32
@@ -91,6 +92,7 @@ class Ddgi:
         self._states = Buffer(gpu, 16 * count, label="probe states")
         self._histories = Buffer(gpu, 4 * count, label="probe histories")
         self._rays = Buffer(gpu, 16 * len(self.grid) * s.rays_per_probe, label="probe rays")
+        self._drawn = Buffer(gpu, 16 * len(self.grid) * IRRADIANCE_SIZE**2, label="drawn irradiance")
         self._encoded = Buffer(gpu, 16 * count * IRRADIANCE_SIZE**2, label="probe irradiance")
         self._moments = Buffer(gpu, 8 * max(seen, 1) * DISTANCE_SIZE**2, label="probe distances")
         self._irradiance = self._atlas(count, IRRADIANCE_SIZE, "probe irradiance atlas")
@@ -99,6 +101,7 @@ class Ddgi:
         aliases = {"tracer": self.tracer.folder}
         self._relocate = Kernel(gpu, "ddgi/relocate_probes", aliases=aliases)
         self._trace = Kernel(gpu, "ddgi/trace_probes", aliases=aliases)
+        self._draw = Kernel(gpu, "ddgi/draw_emitters", aliases=aliases)
         self._blend_distances = Kernel(gpu, "ddgi/blend_distances")
         self._blend_irradiance = Kernel(gpu, "ddgi/blend_irradiance")
         self._seen_version = -1
@@ -167,6 +170,15 @@ class Ddgi:
                 settings=update.blend,
                 probe_rays=self._rays,
             )
+        with rec.compute(self._draw.name) as compute_pass:
+            self._draw.dispatch(
+                compute_pass,
+                groups,
+                self.tracer.bindings(),
+                self.lookup_bindings(),
+                settings=update.blend,
+                drawn_irradiance=self._drawn,
+            )
         probes = {
             "settings": update.blend,
             "states": self._states,
@@ -180,7 +192,12 @@ class Ddgi:
                 )
         with rec.compute(self._blend_irradiance.name) as compute_pass:
             self._blend_irradiance.dispatch(
-                compute_pass, groups, probes, encoded=self._encoded, atlas=self._irradiance
+                compute_pass,
+                groups,
+                probes,
+                drawn_irradiance=self._drawn,
+                encoded=self._encoded,
+                atlas=self._irradiance,
             )
 
     def lookup_bindings(self) -> Mapping[str, Any]:
@@ -212,7 +229,8 @@ class Ddgi:
     @property
     def memory(self) -> int:
         """Bytes on the GPU."""
-        buffers = [self._info, self._states, self._histories, self._rays, self._encoded, self._moments]
+        buffers = [self._info, self._states, self._histories, self._rays, self._drawn]
+        buffers += [self._encoded, self._moments]
         buffers += [buffer for update in self._updates for buffer in (update.relocate, update.blend)]
         texels = sum(int(np.prod(atlas.size)) for atlas in (self._irradiance, self._distance))
         return sum(buffer.size for buffer in buffers) + 8 * texels + self.tracer.memory
@@ -263,6 +281,7 @@ class Ddgi:
                 rays=s.rays_per_probe,
                 hysteresis=s.hysteresis,
                 hysteresis_drop=s.hysteresis_drop,
+                settling_growth=s.settling_growth,
                 change_clear=s.change_clear,
                 change_altogether=s.change_altogether,
                 gamma=s.gamma,

@@ -26,6 +26,7 @@ class DdgiSettings:
     hysteresis: share of a texel that a frame keeps. Where the root changed by more than `change_clear` of the
     larger of old and new it is less by `hysteresis_drop`; by more than `change_altogether`, nothing is kept.
     At gamma 5 the defaults stand for irradiance 4.2 and 3125 times as large, or as small.
+    settling_growth: a new probe is the mean of this share of its frames until hysteresis stands for more.
     distance_exponent: a texel's distance is the mean over a cosine to this power.
     farthest: longer distances count as so many diagonals of a probe cell.
     normal_bias, view_bias: how far, in spacings, a point moves from its surface, along the normal and towards
@@ -51,6 +52,7 @@ class DdgiSettings:
     max_ray_distance: float = 1e30
     hysteresis: float = 0.97
     hysteresis_drop: float = 0.15
+    settling_growth: float = 0.25
     change_clear: float = 0.25
     change_altogether: float = 0.8
     gamma: float = 5.0

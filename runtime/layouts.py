@@ -8,6 +8,7 @@ from __future__ import annotations
 from runtime.camera import Frame
 from runtime.cascades import DdgiCascade, DdgiInfo
 from runtime.ddgi import DdgiUpdate, RelocateSettings
+from runtime.emitters import Emitter
 from runtime.lights import Light, Lighting
 from runtime.meshes import Instance, SurfaceMaterial
 from runtime.path_tracer import PathSettings
@@ -30,6 +31,7 @@ STRUCTS: tuple[type[GpuStruct], ...] = (
     SurfaceMaterial,
     Display,
     WorldInfo,
+    Emitter,
     GatherInfo,
     TracedRay,
     RayHit,

@@ -130,7 +130,7 @@ class Sdfddgi:
         self._place_settings = Buffer(gpu, PlaceSettings.dtype.itemsize, "uniform", label="place settings")
         self._update_settings = Buffer(gpu, UpdateSettings.dtype.itemsize, "uniform", label="update settings")
         self._place = Kernel(gpu, "sdfddgi/place_probes")
-        self._update = Kernel(gpu, "sdfddgi/update_probes")
+        self._update = Kernel(gpu, "sdfddgi/update_probes", aliases={"tracer": self.tracer.folder})
         self._publish = Kernel(gpu, "sdfddgi/publish_probes")
         self._placed_version = -1
         self._seen_versions = (-1, -1)

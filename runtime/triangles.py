@@ -20,6 +20,7 @@ from fit.scene import (
     transform_points,
 )
 from runtime.device import Gpu
+from runtime.emitters import Emitters, emitters_of
 from runtime.meshes import BLEND_CUTOFF
 from runtime.resources import Buffer
 from runtime.structs import GpuStruct, f32, u32, vec2f, vec3f, vec4f
@@ -37,6 +38,8 @@ WRAPS = {Wrap.REPEAT: 0, Wrap.MIRROR: 1, Wrap.CLAMP: 2}
 
 class TriangleInfo(GpuStruct):
     margin: f32
+    emitter_count: u32
+    emitter_power: f32
 
 
 class TriangleCorner(GpuStruct):
@@ -95,7 +98,10 @@ class Triangles:
         images = _Images(scene, texel_bytes)
         table = _material_records((*scene.materials, Material()), images)
         self.notes = images.notes
-        info = TriangleInfo.pack(margin=MARGIN * diagonal)
+        shining = _emitters(own, table["emission"].sum(axis=1)[materials[order]])
+        info = TriangleInfo.pack(
+            margin=MARGIN * diagonal, emitter_count=shining.count, emitter_power=shining.power
+        )
         self._buffers = {
             "triangle_info": Buffer(gpu, info, "uniform", label="triangle info"),
             "triangle_nodes": Buffer(gpu, nodes, label="triangle nodes"),
@@ -104,6 +110,7 @@ class Triangles:
             "triangle_materials": Buffer(gpu, table, label="triangle materials"),
             "triangle_images": Buffer(gpu, images.records(), label="triangle images"),
             "triangle_texels": Buffer(gpu, images.texels(), label="triangle texels"),
+            "emitters": Buffer(gpu, shining.records, label="emitters"),
         }
 
     def bindings(self) -> Mapping[str, Any]:
@@ -155,6 +162,13 @@ def _texcoords(mesh: Mesh, use: TextureUse | None) -> Float64:
     if use is None or use.texcoord >= len(mesh.texcoords):
         return np.zeros((len(mesh.positions), 2))
     return mesh.texcoords[use.texcoord] @ use.transform[:2, :2].T + use.transform[:2, 2]
+
+
+def _emitters(corners: Float64, strength: NDArray[np.floating]) -> Emitters:
+    """Of triangles (t, 3, 3) with the sums of their emission's channels (t,), textures left aside."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    rows = np.arange(len(corners))
+    return emitters_of(strength, np.linalg.norm(normals, axis=1) / 2, rows, np.zeros_like(rows))
 
 
 def _material_records(materials: Sequence[Material], images: _Images) -> np.ndarray:

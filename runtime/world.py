@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from fit.primitives import GPU_RECORD_BYTES, PrimitiveSet, pack_gpu
 from fit.scene import Scene
 from runtime.device import Gpu
+from runtime.emitters import Emitters, primitive_emitters
 from runtime.encoder import Recorder
 from runtime.kernel import Kernel
 from runtime.resources import Buffer
@@ -43,6 +44,8 @@ class WorldInfo(GpuStruct):
     hit_distance: f32
     start_margin: f32
     start_limit: f32
+    emitter_count: u32
+    emitter_power: f32
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,7 @@ class World:
         self._longest = Buffer(gpu, np.zeros(1, np.uint32), label="longest candidate list")
         self._records: Buffer | None = None
         self._lists: Buffer | None = None
+        self._emitters: Buffer | None = None
         # Without culling there is one cell whose list never fits, so that every query asks all primitives.
         self._room = self.settings.list_length if self.settings.culling == "grid" else 0
         self._is_stale = True
@@ -134,6 +138,7 @@ class World:
             self._records = Buffer(self.gpu, room, label="primitives")
         if len(words):
             self._records.write(words)
+        self._write_emitters(primitive_emitters(primitives.select(self.order), words))
         self._measure()
         self._is_stale = True
         self.version += 1
@@ -155,7 +160,12 @@ class World:
         """Group 1 of every kernel that asks the world."""
         if self._is_stale or self._is_unchecked:
             self._build_now()
-        return {"world": self._info, "primitives": self._records, "candidates": self._lists}
+        return {
+            "world": self._info,
+            "primitives": self._records,
+            "candidates": self._lists,
+            "emitters": self._emitters,
+        }
 
     def to_local(self, points: ArrayLike) -> Float64:
         """World positions (n, 3) as the GPU holds them."""
@@ -170,7 +180,8 @@ class World:
     @property
     def memory(self) -> int:
         """Bytes on the GPU."""
-        return sum(b.size for b in (self._info, self._longest, self._records, self._lists) if b is not None)
+        buffers = (self._info, self._longest, self._records, self._lists, self._emitters)
+        return sum(b.size for b in buffers if b is not None)
 
     def list_statistics(self) -> ListStatistics:
         """Reads the candidate lists back; waits for the GPU."""
@@ -182,6 +193,12 @@ class World:
         asked = np.where(full, self.finite_count, counts)
         longest = int(self._longest.read(np.uint32, (1,))[0])
         return ListStatistics(cells, self._room, longest, float(asked.mean()), int(np.count_nonzero(full)))
+
+    def _write_emitters(self, shining: Emitters) -> None:
+        self._shining = shining
+        if self._emitters is None or self._emitters.size < shining.records.nbytes:
+            self._emitters = Buffer(self.gpu, shining.records.nbytes, label="emitters")
+        self._emitters.write(shining.records)
 
     def _measure(self) -> None:
         """Lays the grid around the finite primitives and writes the world's measures."""
@@ -208,6 +225,8 @@ class World:
                 hit_distance=s.hit_distance_share * self.diagonal,
                 start_margin=self.start_margin,
                 start_limit=self.start_limit,
+                emitter_count=self._shining.count,
+                emitter_power=self._shining.power,
             )
         )
         size = 4 * int(np.prod(self._grid_size)) * (self._room + 1)

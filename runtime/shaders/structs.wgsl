@@ -63,7 +63,7 @@ struct Display {  // 8 bytes
     tone_curve: u32,  // 4
 }
 
-struct WorldInfo {  // 64 bytes
+struct WorldInfo {  // 80 bytes
     grid_lower: vec3f,     // 0
     grid_cell: f32,        // 12
     grid_upper: vec3f,     // 16
@@ -74,6 +74,14 @@ struct WorldInfo {  // 64 bytes
     hit_distance: f32,     // 52
     start_margin: f32,     // 56
     start_limit: f32,      // 60
+    emitter_count: u32,    // 64
+    emitter_power: f32,    // 68
+}
+
+struct Emitter {  // 12 bytes
+    share: f32,    // 0
+    surface: u32,  // 4
+    face: u32,     // 8
 }
 
 struct GatherInfo {  // 4 bytes
@@ -187,17 +195,20 @@ struct DdgiUpdate {  // 80 bytes
     rays: u32,               // 28
     hysteresis: f32,         // 32
     hysteresis_drop: f32,    // 36
-    change_clear: f32,       // 40
-    change_altogether: f32,  // 44
-    gamma: f32,              // 48
-    distance_exponent: f32,  // 52
-    farthest: f32,           // 56
-    reach: f32,              // 60
-    bounce: f32,             // 64
+    settling_growth: f32,    // 40
+    change_clear: f32,       // 44
+    change_altogether: f32,  // 48
+    gamma: f32,              // 52
+    distance_exponent: f32,  // 56
+    farthest: f32,           // 60
+    reach: f32,              // 64
+    bounce: f32,             // 68
 }
 
-struct TriangleInfo {  // 4 bytes
-    margin: f32,  // 0
+struct TriangleInfo {  // 12 bytes
+    margin: f32,         // 0
+    emitter_count: u32,  // 4
+    emitter_power: f32,  // 8
 }
 
 struct TriangleCorner {  // 24 bytes

@@ -16,6 +16,9 @@ from runtime.world import World
 SUN = Sun((1.0, 0.6, 0.3), 10.0)
 MIDDLE = ProbeGrid((-1.0, -1.0, -1.0), 1.0, (3, 3, 3))
 
+AT_ONCE = 1e9
+"""A `settling_growth` by which hysteresis is in force from the second frame on."""
+
 
 def states_of(stage) -> np.ndarray:
     """Positions and states (n, 4) of the probes."""
@@ -117,7 +120,12 @@ def test_a_change_is_told_by_the_root_that_is_stored(make_stage, make_room, inne
     found = []
     for change in (0.3, 0.4):  # 1 - 10 ** (-1 / 5) is 0.37
         stage = make_stage(
-            "ddgi", make_room(0.2, emission=1.0), grid=MIDDLE, bounce=0.0, change_altogether=change
+            "ddgi",
+            make_room(0.2, emission=1.0),
+            grid=MIDDLE,
+            bounce=0.0,
+            change_altogether=change,
+            settling_growth=AT_ONCE,
         ).run(5)
         stage.world.update(make_room(0.2, emission=10.0))
         found.append(stage.run(1).irradiance(*surface).mean() / (np.pi * 10))
@@ -139,7 +147,9 @@ def test_a_clear_change_arrives_sooner_than_hysteresis_lets_it(make_stage, make_
     surface = inner_surface(300)
     room = make_room(0.2, emission=1.0)  # what changes "altogether" does so in the stored fifth root
     late, sooner = (
-        make_stage("ddgi", room, grid=MIDDLE, bounce=0.0, change_altogether=limit).run(5)
+        make_stage(
+            "ddgi", room, grid=MIDDLE, bounce=0.0, change_altogether=limit, settling_growth=AT_ONCE
+        ).run(5)
         for limit in (2.0, 0.8)
     )
     for stage in (late, sooner):

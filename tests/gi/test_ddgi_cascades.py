@@ -10,7 +10,13 @@ from runtime.probes import IRRADIANCE_SIZE, ProbeGrid
 from runtime.sky import Sky
 
 BOUNDS = (np.array([-2.0, -1.0, -3.0]), np.array([2.0, 3.0, 3.0]))
-FROZEN = {"hysteresis": 1.0, "hysteresis_drop": 0.0, "change_altogether": 2.0, "relocation": 0.0}
+FROZEN = {
+    "hysteresis": 1.0,
+    "hysteresis_drop": 0.0,
+    "change_altogether": 2.0,
+    "relocation": 0.0,
+    "settling_growth": 1e9,
+}
 """Settings under which a probe keeps what its first frame saw."""
 
 SKY = Sky.constant((1.0, 1.0, 1.0))

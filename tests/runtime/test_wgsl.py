@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 
 import pytest
 
@@ -234,6 +235,17 @@ def test_an_error_in_the_pipeline_is_a_shader_error_too(gpu, shaders):
         Kernel(gpu, "k", root=shaders({"k": text}))
 
 
+def folders_imported_by(name: str) -> set[str]:
+    """Folders of the module's imports, and of theirs; an alias counts as one."""
+    path = wgsl.SHADERS / f"{name}.wgsl"
+    if not path.is_file():
+        return set()
+    text = path.read_text(encoding="utf-8")
+    imports = re.findall(r"^import package::(?:(\w+)::)?(\w+)::\{", text, re.MULTILINE)
+    found = {folder for folder, _ in imports if folder}
+    return found.union(*(folders_imported_by("/".join(filter(None, parts))) for parts in imports))
+
+
 def kernels_of_the_product() -> list[tuple[str, str, str]]:
     """(module, technique, tracer) for every WGSL file, with each of both where the file asks for one.
 
@@ -246,10 +258,12 @@ def kernels_of_the_product() -> list[tuple[str, str, str]]:
     found: list[tuple[str, str, str]] = []
     for path in sorted(wgsl.SHADERS.rglob("*.wgsl")):
         name = path.relative_to(wgsl.SHADERS).with_suffix("").as_posix()
-        text = path.read_text(encoding="utf-8")
-        choices = [places[alias] if f"package::{alias}::" in text else [""] for alias in places]
+        asked = folders_imported_by(name)
+        choices = [places[alias] if alias in asked else [""] for alias in places]
         if path.parent.name in places["tracer"]:
             choices[1] = [path.parent.name]
+        elif "tracer" in asked and "sdfddgi" in asked:
+            choices[1] = ["world"]
         found += [(name, *pair) for pair in itertools.product(*choices) if pair != ("sdfddgi", "triangles")]
     return found
 

@@ -1,7 +1,7 @@
 // Blends the distances of this frame's rays into the mean and mean square of each direction (Majercik et al. 2019,
 // section 4.1), by a cosine to a high power, and writes the map that lookups filter.
 
-import package::ddgi::states::{PROBE_FRESH};
+import package::ddgi::states::{PROBE_FRESH, ddgi_kept};
 import package::lib::octahedral::{oct_texel_direction, oct_tile_corner, oct_tile_source};
 import package::lib::quaternion::{quat_rotate};
 import package::lib::random::{spherical_fibonacci};
@@ -51,7 +51,7 @@ fn main(
     }
     let place = probe * THREADS + thread;
     let before = moments[place];
-    let keep = select(settings.hysteresis, 0.0, histories[probe] == 0u);
+    let keep = ddgi_kept(histories[probe], settings.hysteresis, settings.settling_growth);
     let blended = select(before, mix(sums / max(weights, SMALLEST_WEIGHT), before, keep), weights > SMALLEST_WEIGHT);
     map[thread] = blended;
     workgroupBarrier();

@@ -2,7 +2,7 @@
 // detection: Majercik et al. 2021, section 4), and writes the map that lookups filter. Irradiance is kept as its
 // gamma-th root, in which a blend looks even and a lamp that went out is gone soon.
 
-import package::ddgi::states::{PROBE_FRESH, PROBE_ON};
+import package::ddgi::states::{PROBE_FRESH, PROBE_ON, ddgi_kept};
 import package::lib::octahedral::{oct_texel_direction, oct_tile_corner, oct_tile_source};
 import package::lib::quaternion::{quat_rotate};
 import package::lib::random::{PI, spherical_fibonacci};
@@ -13,8 +13,9 @@ import package::structs::{DdgiUpdate};
 @group(0) @binding(1) var<storage, read_write> states: array<vec4f>;
 @group(0) @binding(2) var<storage, read_write> histories: array<u32>;
 @group(0) @binding(3) var<storage, read> probe_rays: array<vec4f>;
-@group(0) @binding(4) var<storage, read_write> encoded: array<vec4f>;
-@group(0) @binding(5) var atlas: texture_storage_2d<rgba16float, write>;
+@group(0) @binding(4) var<storage, read> drawn_irradiance: array<vec4f>;
+@group(0) @binding(5) var<storage, read_write> encoded: array<vec4f>;
+@group(0) @binding(6) var atlas: texture_storage_2d<rgba16float, write>;
 
 const THREADS: u32 = IRRADIANCE_SIZE * IRRADIANCE_SIZE;
 
@@ -26,14 +27,14 @@ var<workgroup> radiance_of: array<vec3f, THREADS>;
 var<workgroup> map: array<vec3f, THREADS>;
 
 // Share of the old value that is kept: less where it changed clearly, nothing where it changed altogether.
-fn kept_share(before: vec3f, after: vec3f) -> f32 {
+fn kept_share(before: vec3f, after: vec3f, most: f32) -> f32 {
     let largest = max(max(max(before.r, before.g), before.b), max(max(after.r, after.g), after.b));
     let difference = abs(after - before);
     let change = max(max(difference.r, difference.g), difference.b) / max(largest, 1e-20);
     if change > settings.change_altogether {
         return 0.0;
     }
-    return max(settings.hysteresis - select(0.0, settings.hysteresis_drop, change > settings.change_clear), 0.0);
+    return max(most - select(0.0, settings.hysteresis_drop, change > settings.change_clear), 0.0);
 }
 
 @compute @workgroup_size(8, 8)
@@ -62,11 +63,13 @@ fn main(
         workgroupBarrier();
     }
     let place = probe * THREADS + thread;
-    let irradiance = gathered * (PI / max(cosines, 1e-9));
+    let drawn = drawn_irradiance[traced * THREADS + thread].rgb;
+    let irradiance = gathered * (PI / max(cosines, 1e-9)) + drawn;
     let after = pow(select(irradiance, vec3f(0.0), irradiance < vec3f(DARKNESS)), vec3f(1.0 / settings.gamma));
     let before = encoded[place].rgb;
     let history = histories[probe];
-    let blended = mix(after, before, select(kept_share(before, after), 0.0, history == 0u));
+    let most = ddgi_kept(history, settings.hysteresis, settings.settling_growth);
+    let blended = mix(after, before, kept_share(before, after, most));
     let smallest = vec3f(pow(DARKNESS, 1.0 / settings.gamma));
     map[thread] = select(blended, vec3f(0.0), blended < smallest);
     workgroupBarrier();

@@ -1,5 +1,6 @@
-// Radiance and distance along the rays of every probe (Majercik et al. 2019, section 4.1): what the hit emits and
-// reflects of direct light and of the last frame's probes, or the sky. Every frame turns the set of directions.
+// Radiance and distance along the rays of every probe (Majercik et al. 2019, section 4.1): what the hit reflects of direct
+// light and of the last frame's probes, and emits where `ddgi/draw_emitters` does not count that; or the sky. Every frame
+// turns the set of directions.
 
 import package::ddgi::lookup::{gi_irradiance, probe_states};
 import package::ddgi::states::{PROBE_FRESH};
@@ -7,6 +8,7 @@ import package::lib::brdf::{brdf_lambert};
 import package::lib::quaternion::{quat_rotate};
 import package::lib::random::{PI, spherical_fibonacci};
 import package::lib::sky::{sky_radiance_within};
+import package::probes::emitters::{emission_is_drawn};
 import package::structs::{DdgiUpdate};
 import package::tracer::reflections::{reflected_radiance};
 import package::tracer::sights::{sight_along};
@@ -19,7 +21,10 @@ fn incoming_radiance(origin: vec3f, direction: vec3f) -> vec4f {
     if !seen.is_hit {
         return vec4f(sky_radiance_within(direction, 4.0 * PI / f32(settings.rays)), settings.reach);
     }
-    var radiance = seen.emission + reflected_radiance(seen);
+    var radiance = reflected_radiance(seen);
+    if !emission_is_drawn(seen) {
+        radiance += seen.emission;
+    }
     if settings.bounce > 0.0 {
         radiance += settings.bounce * brdf_lambert(seen.albedo, gi_irradiance(seen.position, seen.normal, -direction));
     }

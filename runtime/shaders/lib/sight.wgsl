@@ -12,4 +12,10 @@ struct Sight {
     emission: vec3f,
     // Half the smallest extent of what was hit, metres.
     half_thickness: f32,
+    // Index of the primitive or triangle.
+    surface: u32,
+    // Of the angle between the ray and the face's normal.
+    face_cosine: f32,
+    // Density, 1/m2, with which draws of emitters choose the point; 0 where they never do.
+    drawn_share: f32,
 }

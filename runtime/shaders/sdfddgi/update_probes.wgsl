@@ -1,18 +1,18 @@
 // Updates the irradiance of every probe (SDFDDGI, section 3.3): one workgroup a probe, one thread a ray, then one
-// thread a texel of the octahedral map. Rays go in low-discrepancy directions, turned at random each frame.
+// thread a texel of the octahedral map. Rays go in low-discrepancy directions, turned at random each frame; what shines
+// and is small is drawn besides.
 
 import package::lib::brdf::{brdf_lambert};
 import package::lib::lights::{direct_radiance_at_hit};
-import package::lib::march::{trace};
 import package::lib::octahedral::{oct_texel_direction};
-import package::lib::primitives::{shape_half_thickness};
 import package::lib::quaternion::{quat_rotate};
 import package::lib::random::{PI, random_hash, random_rotation, random_uniform, spherical_fibonacci};
 import package::lib::sky::{sky_radiance_within};
+import package::probes::emitters::{emission_is_drawn, probe_emission};
 import package::probes::maps::{IRRADIANCE_SIZE};
 import package::sdfddgi::lookup::{gi_irradiance_of_one, probe_records};
 import package::structs::{ProbeHistory, UpdateSettings};
-import package::world::bindings::{NO_PRIMITIVE, world_shape};
+import package::tracer::sights::{sight_along};
 
 @group(0) @binding(0) var<uniform> settings: UpdateSettings;
 @group(0) @binding(1) var<storage, read_write> histories: array<ProbeHistory>;
@@ -38,22 +38,26 @@ const DRIFT_CATCH_UP: f32 = 0.5;
 const FADED: f32 = 1e-3;
 const PEAK_BLEND: f32 = 1.0 / 256.0;
 
+// Parts the random numbers of draws from those of rays.
+const DRAW_KEY: u32 = 0x9e3779b9u;
+
 var<workgroup> ray_direction: array<vec3f, THREADS>;
 var<workgroup> ray_radiance: array<vec3f, THREADS>;
 
-// Light that arrives at a probe along a ray: sky, or what the hit emits and reflects of direct light and of the last
-// frame's probes.
+// Light that arrives at a probe along a ray: sky, or what the hit reflects of direct light and of the last frame's probes,
+// and what it emits where draws do not count that.
 fn incoming_radiance(origin: vec3f, direction: vec3f, solid_angle: f32, u: f32) -> vec3f {
-    let hit = trace(origin, direction, settings.reach);
-    if hit.primitive == NO_PRIMITIVE {
+    let seen = sight_along(origin, direction, settings.reach);
+    if !seen.is_hit {
         return sky_radiance_within(direction, solid_angle);
     }
-    let thickness = shape_half_thickness(world_shape(hit.primitive));
-    let direct = direct_radiance_at_hit(hit.position, hit.normal, hit.albedo, thickness);
-    var total = hit.emission + direct;
+    var total = direct_radiance_at_hit(seen.position, seen.normal, seen.albedo, seen.half_thickness);
+    if !emission_is_drawn(seen) {
+        total += seen.emission;
+    }
     if settings.bounce > 0.0 {
-        let arriving = gi_irradiance_of_one(hit.position, hit.normal, u);
-        total += settings.bounce * brdf_lambert(hit.albedo, arriving);
+        let arriving = gi_irradiance_of_one(seen.position, seen.normal, u);
+        total += settings.bounce * brdf_lambert(seen.albedo, arriving);
     }
     return total;
 }
@@ -123,8 +127,10 @@ fn main(
         }
         workgroupBarrier();
     }
-    let next = advance(history, dot(total, vec3f(0.2126, 0.7152, 0.0722)) / f32(rays));
-    let measured = gathered * (PI / cosines);
+    let turn = random_uniform(random_hash(vec3u(probe, settings.frame, settings.seed ^ DRAW_KEY)));
+    let drawn = probe_emission(position.xyz, normal, thread, settings.reach, turn);
+    let next = advance(history, dot(total / f32(rays) + drawn.radiance, vec3f(0.2126, 0.7152, 0.0722)));
+    let measured = gathered * (PI / cosines) + drawn.irradiance;
     let place = probe * THREADS + thread;
     let before = select(exact_irradiance[place].rgb, vec3f(0.0), history.frames == 0.0);
     let blended = mix(before, measured, 1.0 / next.frames);
