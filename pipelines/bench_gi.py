@@ -210,7 +210,8 @@ class _Bench:
         return sorted(found, key=lambda pair: len(pair[1].primitives))
 
     def write(self) -> None:
-        """`report.json`, `.html`, `presets.json` and the pictures, of what is done so far."""
+        """`report.json`, `.md`, `.html`, `presets.json` and the pictures, of what is done so far."""
+        from pipelines.report.gi_markdown import build_markdown
         from pipelines.report.gi_page import build_page
         from runtime.images import write_png
 
@@ -231,7 +232,9 @@ class _Bench:
         for file, pixels in files.items():
             write_png(file, pixels)
         self.written = tuple(files)
-        write_text(self.settings.page, build_page(to_json_value(self.report), shown))
+        values = to_json_value(self.report)
+        write_text(folder / "report.md", build_markdown(values))
+        write_text(self.settings.page, build_page(values, shown))
 
 
 class _Steps:

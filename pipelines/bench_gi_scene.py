@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -118,14 +119,15 @@ class SceneBench:
         timer = renderer
         if (size := self.settings.timed_size_on(self.shots[0].studio.gpu)) != self.settings.size:
             timer = self._renderer(size, named.primitives, variant)
-        passes = self._times(timer, update)
+        passes, wall_ms = self._times(timer, update)
+        costs = _costs(passes, wall_ms if self.shots[0].studio.gpu.is_software else None)
         views = {
             shot.name: _errors(shot.judge, truths[shot.name], irradiance[shot.name], variant)
             for shot in self.shots
         }
         key: dict[str, Any] = {"set": named.name, "primitives": len(named.primitives)}
         key |= {"max_primitives": budget, **asdict(variant), "timed_size": size}
-        row = key | _costs(passes) | _figures(views) | {"passes_ms": passes, "views": views}
+        row = key | costs | _figures(views) | {"passes_ms": passes, "wall_ms": wall_ms, "views": views}
         return Lit(row, irradiance, renderer.notes())
 
     def _renderer(self, size: tuple[int, int], primitives: PrimitiveSet, variant: Variant) -> Renderer:
@@ -153,16 +155,20 @@ class SceneBench:
             found[shot.name] = result.images["irradiance"]
         return found
 
-    def _times(self, renderer: Renderer, update: Update) -> dict[str, float | None]:
-        """GPU ms of the passes of every frame: medians, then the mean over the views."""
+    def _times(self, renderer: Renderer, update: Update) -> tuple[dict[str, float | None], float]:
+        """GPU ms of the passes of every frame: medians, then the mean over the views; and, by the clock on
+        the wall, mean ms of a frame that is waited for."""
         renderer.render(self.shots[0].studio.view.camera, settle=WARM_UP)
         update("time", 0.8)
-        found = []
+        found, seconds = [], 0.0
         for shot in self.shots:
             renderer.render(shot.studio.view.camera)
+            began = time.perf_counter()
             timed = renderer.render(frames=self.settings.timed_frames, only=())
+            seconds += time.perf_counter() - began
             found.append(timed.timings)
-        return {name: _mean([timings.get(name) for timings in found]) for name in found[0]}
+        passes = {name: _mean([timings.get(name) for timings in found]) for name in found[0]}
+        return passes, 1000 * seconds / (self.settings.timed_frames * len(found))
 
 
 def _studios(settings: GiBenchSettings, studio: Studio) -> Iterator[tuple[str, Studio]]:
@@ -205,16 +211,22 @@ def _short(error: Any) -> dict[str, Any]:
     return found
 
 
-def _costs(passes: dict[str, float | None]) -> dict[str, float | None]:
-    """Milliseconds of GI, whole and in its two parts, and of the frame; None where the adapter tells none."""
+def _costs(passes: dict[str, float | None], wall_ms: float | None) -> dict[str, float | None]:
+    """Milliseconds of GI, whole and in its two parts, and of the frame; None where the adapter tells none.
+
+    wall_ms: of a software adapter's frame. Mesa's llvmpipe writes the time stamp before a compute pass after
+    it where nothing was rastered yet, so what no later pass took is the update's.
+    """
     names = ("gi_ms", "update_ms", "lookup_ms", "frame_ms")
-    if any(milliseconds is None for milliseconds in passes.values()):
-        return dict.fromkeys(names)
     known = {name: value for name, value in passes.items() if value is not None}
-    gi = {name: value for name, value in known.items() if not name.startswith(NOT_GI)}
-    lookup = gi.get(LOOKUP, 0.0)
-    whole = sum(gi.values())
-    return dict(zip(names, (whole, whole - lookup, lookup, sum(known.values())), strict=True))
+    if len(known) < len(passes):
+        return dict.fromkeys(names)
+    updates = [known[name] for name in known if name != LOOKUP and not name.startswith(NOT_GI)]
+    lookup, frame, update = known.get(LOOKUP, 0.0), sum(known.values()), sum(updates)
+    if wall_ms is not None:
+        update = max(wall_ms - (frame - update), update) if updates else 0.0
+        frame = wall_ms
+    return dict(zip(names, (update + lookup, update, lookup, frame), strict=True))
 
 
 def _figures(views: dict[str, dict[str, Any]]) -> dict[str, float | None]:

@@ -508,8 +508,8 @@ def bench_light(
 ) -> int:
     """Measure time and error of light over budgets, probes, rays and methods, and find the best settings.
 
-    Writes OUTPUT/report.json, report.html (one page that opens without a network), pictures, and presets.json
-    with the settings that render --quality takes, after every method.
+    Writes OUTPUT/report.json, .md and .html (one page that opens without a network), pictures, and
+    presets.json with the settings that render --quality takes, after every method.
 
     Parameters
     ----------

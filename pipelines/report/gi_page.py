@@ -45,8 +45,8 @@ def _advice(report: Report) -> str:
     first, *others = advice_lines(report)
     lines = "".join(f"<p>{escape(line)}</p>" for line in others)
     software = (
-        '<p class="note">The adapter is a software renderer: its times say nothing about a graphics card, '
-        "and so neither do these settings.</p>"
+        '<p class="note">The adapter is a software renderer: its times, by the clock on the wall, say '
+        "nothing about a graphics card, and so neither do these settings.</p>"
         if report.get("software_adapter")
         else ""
     )
