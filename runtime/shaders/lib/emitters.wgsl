@@ -8,6 +8,7 @@ import package::structs::{Emitter};
 // A point to look at, drawn by the power of surfaces and evenly on each.
 struct EmitterPoint {
     position: vec3f,
+    normal: vec3f,
     // The primitive or triangle that it lies on.
     surface: u32,
     // Whether the origin is on a side of it that shines.
@@ -29,7 +30,13 @@ fn emitter_drawn(u: f32, count: u32) -> Emitter {
     return emitters[first];
 }
 
-// Density, 1/sr, with which draws from a ray's origin go where the ray does.
-fn emitter_density(seen: Sight) -> f32 {
-    return seen.drawn_share * seen.t * seen.t / max(seen.face_cosine, 1e-6);
+// Density, 1/sr, of points that are drawn with `share`, 1/m2, on a surface at distance t whose normal turns from the ray
+// by an angle of this cosine.
+fn emitter_density(share: f32, t: f32, cosine: f32) -> f32 {
+    return share * t * t / max(cosine, 1e-6);
+}
+
+// That with which draws from a ray's origin go where the ray does.
+fn emitter_density_along(seen: Sight) -> f32 {
+    return emitter_density(seen.drawn_share, seen.t, seen.face_cosine);
 }

@@ -3,7 +3,7 @@
 // ways are combined by the balance heuristic (Veach and Guibas 1995). Adds its samples to those of the dispatches before.
 
 import package::lib::brdf::{brdf_lambert};
-import package::lib::emitters::{emitter_density};
+import package::lib::emitters::{emitter_density_along};
 import package::lib::random::{PI, random_hash, random_uniform};
 import package::lib::sky::{sky_radiance};
 import package::paths::emitters::{emitter_light};
@@ -55,7 +55,8 @@ fn drawn_radiance(origin: vec3f, normal: vec3f, key: u32, bounce: u32) -> vec3f 
     if !light.is_met || chance <= 0.0 {
         return vec3f(0.0);
     }
-    return light.seen.emission * (chance / (chance + emitter_density(light.seen)));
+    let density = emitter_density_along(light.seen);
+    return light.seen.emission * (chance / light.density * density / (chance + density));
 }
 
 // Mean radiance from the hemisphere over a surface, weighted by the cosine.
@@ -74,7 +75,7 @@ fn path_radiance(from_point: vec3f, from_normal: vec3f, key: u32) -> vec3f {
         }
         let reflected = brdf_lambert(seen.albedo, lamps_irradiance(seen.position, seen.normal));
         let chance = max(dot(normal, direction), 1e-6) / PI;
-        total += throughput * (seen.emission * (chance / (chance + emitter_density(seen))) + reflected);
+        total += throughput * (seen.emission * (chance / (chance + emitter_density_along(seen))) + reflected);
         throughput *= seen.albedo;
         if bounce >= ROULETTE_BOUNCE {
             let survival = min(max(throughput.r, max(throughput.g, throughput.b)), 0.95);

@@ -4,7 +4,6 @@
 // is counted by one of them alone. Rays are spread evenly, so that they find what fills much of the view with far less
 // noise than draws do; draws are for what is small.
 
-import package::lib::emitters::{emitter_density};
 import package::lib::random::{PI};
 import package::lib::sight::{Sight};
 import package::paths::emitters::{emitter_light};
@@ -47,7 +46,7 @@ fn probe_emission(position: vec3f, normal: vec3f, thread: u32, farthest: f32, tu
     let light = emitter_light(position, farthest, u);
     let is_drawn = light.is_met && emission_is_drawn(light.seen);
     draw_direction[thread] = light.direction;
-    draw_radiance[thread] = select(vec3f(0.0), light.seen.emission / emitter_density(light.seen), is_drawn);
+    draw_radiance[thread] = select(vec3f(0.0), light.seen.emission / light.density, is_drawn);
     workgroupBarrier();
     for (var i = 0u; i < DRAWS; i++) {
         found.irradiance += max(dot(normal, draw_direction[i]), 0.0) * draw_radiance[i];

@@ -14,7 +14,8 @@ fn emitter_point(origin: vec3f, u: vec3f) -> EmitterPoint {
     let second = triangle_faces[3u * triangle + 2u].xyz;
     let root = sqrt(u.y);
     let position = triangle_faces[3u * triangle].xyz + root * ((1.0 - u.z) * first + u.z * second);
-    let is_front = dot(cross(first, second), origin - position) > 0.0;
+    let normal = normalize(cross(first, second));
+    let is_front = dot(normal, origin - position) > 0.0;
     let is_double_sided = triangle_materials[surface_material(triangle)].is_double_sided != 0u;
-    return EmitterPoint(position, triangle, is_front || is_double_sided);
+    return EmitterPoint(position, normal, triangle, is_front || is_double_sided);
 }

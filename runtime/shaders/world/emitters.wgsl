@@ -62,5 +62,5 @@ fn emitter_point(origin: vec3f, u: vec3f) -> EmitterPoint {
     let found = face_point(shape, emitter.face, u.yz);
     let position = shape.position + quat_rotate(shape.rotation, found.position);
     let normal = quat_rotate(shape.rotation, found.normal);
-    return EmitterPoint(position, emitter.surface, dot(normal, origin - position) > 0.0);
+    return EmitterPoint(position, normal, emitter.surface, dot(normal, origin - position) > 0.0);
 }
