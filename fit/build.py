@@ -92,6 +92,10 @@ class Enough:
     most_leaks: float = 1.0
     good: Callable[[Shapes], bool] = lambda shapes: False
 
+    def best(self, later: Shapes, earlier: Shapes) -> Shapes:
+        """The later of two sets, unless only the earlier one is good enough."""
+        return earlier if self.good(earlier) and not self.good(later) else later
+
 
 def build(
     targets: Targets,

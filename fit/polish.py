@@ -4,8 +4,9 @@ Growth needs slopes, and follows leaks by distances. Its set is finished under
 
     J(S) = E(S) without its rays + leak price * leaks(S) + `BLOCKED_PRICE` * blocked(S)
 
-by rounds of the same moves: the shapes that J needs least are dropped or merged, the worst boxes are cut, the
-candidates that lower J most are chosen, and faces around them are closed. No round is kept unless J fell.
+by rounds of the same moves: the shapes that J needs least are dropped or merged, in every other round the
+worst boxes are cut, the candidates that lower J most are chosen, and the faces around them are closed. No
+round is kept unless J fell.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from fit.build import Scope, Sources
 from fit.choose import choose, offer, prune
-from fit.close import STEPS, close_leaks
+from fit.close import close_leaks
 from fit.cut import cut_worst
 from fit.merge import thin_out
 from fit.objective import Targets, error, set_distances, thin
@@ -27,7 +28,7 @@ LEAK_PRICE, BLOCKED_PRICE = 0.25, 0.075
 """Of the diagonal: what leaks and blocked rays cost when all are such, beside the mean distance of the set.
 A leak costs more: it lights what should be dark, and a set grown by distances leaks more than it blocks."""
 
-ROUNDS, MOVED_SHARE = 6, 0.07
+ROUNDS, MOVED_SHARE = 8, 0.07
 """How often shapes move, and of how many."""
 
 LEAST_GAIN = 0.005
@@ -40,7 +41,7 @@ ASKED_EVERY = 2
 """Rounds that are served by one call for proposals."""
 
 ROUND_STEPS = (0.5, 0.25)
-"""Cells that faces move by in a round; before the first and after the last, all of `STEPS`."""
+"""Cells that faces move by in a round."""
 
 TOUCHED_CELLS = 3.0
 """Cells of the air's grid around a new or dropped shape within which the others' faces move again."""
@@ -73,7 +74,7 @@ def polish(
     rng, idle, offered = np.random.default_rng(seed), 0, no_shapes()
     for number in range(ROUNDS if "teleportation" in scope.steps and len(best) > kept else 0):
         rest = _without_idle(best, few, kept, "merging" in scope.steps)
-        if "splitting" in scope.steps:
+        if "splitting" in scope.steps and number % 2:
             rest = cut_worst(rest, few, closing, most=limit, kept=kept)
         if number % ASKED_EVERY == 0:
             offered = _proposed(rest, targets, sources, scope, rng)
@@ -89,7 +90,7 @@ def polish(
             progress((number + 1) / ROUNDS)
         if idle == 2:
             break
-    return close_leaks(best, judge, cell=cell, free=np.arange(len(best)) >= kept, steps=STEPS[1:])
+    return best
 
 
 def _without_idle(shapes: Shapes, targets: Targets, kept: int, merging: bool) -> Shapes:

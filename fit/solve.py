@@ -24,6 +24,7 @@ from fit.canonical import (
     world_primitives,
     world_surface,
 )
+from fit.close import close_leaks
 from fit.color import color
 from fit.fit_parts import fit_parts
 from fit.glow import find_glow
@@ -111,14 +112,15 @@ def fit(
         )  # fmt: skip
     with stages("close"):
         # Of a body its fill counts, unless leaks are asked for: its silhouette would grow.
+        judge = None
         if "closing" in settings.steps and sources and not (sources.alone and settings.max_leaks == 1.0):
             judge = count_rays(targets, air, settings.seed, LEAK_PRICE, BLOCKED_PRICE)
-            closed = polish(
+            polished = polish(
                 shapes, targets, judge, sources, Scope(settings.kinds, settings.steps),
                 limit=settings.limit(), cell=air.cell, kept=len(fixed), seed=settings.seed,
                 progress=stages.fraction,
             )  # fmt: skip
-            shapes = shapes if enough.good(shapes) and not enough.good(closed) else closed
+            shapes = enough.best(polished, shapes)
     with stages("color"):
         nothing = error(no_shapes(), targets)
         palette = find_palette(scene, air, seen, nothing)
@@ -126,6 +128,11 @@ def fit(
             shapes, targets, palette,
             limit=settings.limit(), least_gain=GAIN_BY_DEFAULT * nothing, kept=len(fixed),
         )  # fmt: skip
+        if judge:
+            free = np.arange(len(shapes)) >= len(fixed)
+            shapes = enough.best(
+                close_leaks(shapes, judge, cell=air.cell, free=free, steps=LAST_STEPS), shapes
+            )
         uncolored = to_primitives(shapes, planes="plane" in settings.kinds)
         primitives = color(uncolored, scene, air, seen, glow, seed=settings.seed)
     with stages("measure"):
@@ -172,6 +179,9 @@ def _canonical_air(air: Air | None, pose: Pose, scene: Scene, surface: Surface, 
 MOST_LAMPS, LAMPS_SHARE = 16, 3
 """Parts that emit light and keep a primitive of their own, the strongest first: at most so many, and one of
 so many primitives."""
+
+LAST_STEPS = (0.5, 0.25, 0.12)
+"""Cells that faces move by once colours have cut and moved some of them."""
 
 STEP_CELLS = 1.5
 """Farthest that a face may move in one pass of the refinement."""
