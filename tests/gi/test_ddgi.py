@@ -50,6 +50,20 @@ def test_closed_box_of_glowing_walls(make_stage, make_room, inner_surface, albed
     np.testing.assert_allclose(stage.irradiance(*inner_surface(300)) / expected, 1.0, atol=0.02)
 
 
+def test_new_probes_take_few_frames_to_settle(make_stage, make_room, inner_surface):
+    """Half of the light is bounces; a hysteresis of 0.97 alone has seen 45 % of those by frame 40."""
+    late, sooner = (
+        make_stage("ddgi", make_room(0.2, albedo=0.5, emission=2.0), grid=MIDDLE, **settling)
+        .run(40)
+        .irradiance(*inner_surface(300))
+        .mean()
+        for settling in ({"settling_growth": AT_ONCE}, {})
+    )
+    expected = np.pi * 2.0 / (1 - 0.5)
+    assert late < 0.8 * expected
+    assert sooner == pytest.approx(expected, rel=0.02)
+
+
 def test_thick_walls_keep_light_out_and_thin_ones_do_not(make_stage, make_room, inner_surface, grid_over):
     """Chebyshev's test needs walls that are thick beside the spread of distances in a texel."""
     surface = inner_surface(3000)
