@@ -232,8 +232,8 @@ def _costs(passes: dict[str, float | None], wall_ms: float | None) -> dict[str, 
 def _figures(views: dict[str, dict[str, Any]]) -> dict[str, float | None]:
     """Means over the views: ratios of means, relMSE, FLIP and the size of the bias."""
 
-    def ratios(kind: str) -> list[float]:
-        return [0.0 if view[kind] is None else view[kind]["irradiance"]["ratio"] for view in views.values()]
+    def ratios(kind: str) -> list[float | None]:
+        return [None if view[kind] is None else view[kind]["irradiance"]["ratio"] for view in views.values()]
 
     totals = [view["total"] for view in views.values()]
     return {

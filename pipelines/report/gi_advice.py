@@ -54,10 +54,10 @@ def costs(row: Report, report: Report) -> str:
 
 def errors(row: Report) -> str:
     """The three errors in words."""
-    return (
-        f"total error {percent(row['total'])} of the squared light, where the fit alone has "
-        f"{percent(row['fit'])} and the solver alone {percent(row['solver'])}; FLIP {row['flip']:.3f}"
-    )
+    parts = f"the fit alone has {percent(row['fit'])} and the solver alone {percent(row['solver'])}"
+    if row["fit"] is None:
+        parts = "no fit is between, as it sees the mesh"
+    return f"total error {percent(row['total'])} of the squared light, where {parts}; FLIP {row['flip']:.3f}"
 
 
 def lost(less: Report, more: Report) -> str:

@@ -90,6 +90,7 @@ def _tried(report: Report) -> str:
         curves(_over(rows, "gi_ms", key, factor), "GPU ms of indirect light", title)
         for key, factor, title in (
             ("total", 100, "total error, %"),
+            ("total_rel_mse", 1, "relMSE of the total error"),
             ("solver", 100, "solver error, %"),
             ("flip", 1, "mean FLIP of the pictures"),
         )

@@ -47,11 +47,11 @@ def sets_beside_truth(report: Report, scene: Report, sources: Sources) -> str:
         for view in scene["views"]:
             name = view["name"]
             names = tuple(picture_name(scene, run, name, kind) for kind in ("mesh", "primitives"))
-            words = f"{run['primitives']} primitives, path traced"
+            count = run["primitives"]
             fit = next(row for row in scene["sets"] if row["name"] == run["set"])["views"][name]["fit"]
-            caption = f"{name}: what the fit alone costs. Drag to compare, or blink."
+            caption = f"{name}: the mesh and {count} primitives, both path traced. Drag to compare, or blink."
             flip = f"FLIP of the fit error {fit['flip']:.3f}. Bright is different."
-            parts.append(pair(sources, names, (TRUTH, words), caption))
+            parts.append(pair(sources, names, ("mesh", f"{count} primitives"), caption))
             parts.append(single(sources[picture_name(scene, run, name, "fit-flip")], flip))
     return f'<div class="row">{"".join(parts)}</div>'
 

@@ -53,14 +53,18 @@ def all_runs(report: Report, scene: Report) -> str:
 
 
 def passes(report: Report, scene: Report) -> str:
-    """Which pass takes which time, in the presets and in light without GI."""
+    """Which part of the frame takes which time, in the presets and in light without GI; then every pass."""
     runs = [run for run in scene["runs"] if qualities_of(report, run) or run["method"] == "none"]
-    if not runs or any(value is None for run in runs for value in run["passes_ms"].values()):
+    if not runs or any(run["frame_ms"] is None for run in runs):
         return ""
-    names = list(dict.fromkeys(name for run in runs for name in run["passes_ms"]))
-    series = {name: [run["passes_ms"].get(name, 0.0) for run in runs] for name in names}
+    series = {
+        "bring the probes up to date": [run["update_ms"] for run in runs],
+        "look them up": [run["lookup_ms"] for run in runs],
+        "the rest of the frame": [run["frame_ms"] - run["gi_ms"] for run in runs],
+    }
     labels = [", ".join(qualities_of(report, run)) or run["method"] for run in runs]
-    rows = [[name, "", *(short_number(value) for value in values)] for name, values in series.items()]
+    names = list(dict.fromkeys(name for run in runs for name in run["passes_ms"]))
+    rows = [[name, "", *(short_number(run["passes_ms"].get(name)) for run in runs)] for name in names]
     return (
         f"<h3>Which pass takes which time</h3>{stacked_bars(series, labels, 'ms')}<p></p>"
         f"{table(['pass, GPU ms', *labels], rows)}"
@@ -69,35 +73,23 @@ def passes(report: Report, scene: Report) -> str:
 
 def sets(scene: Report) -> str:
     """The sets, and what each costs before anything is lit through it."""
-    headers = [
-        "set",
-        "primitives",
-        "bytes",
-        "fit",
-        "+-",
-        "geometry",
-        "material",
-        "bias",
-        "FLIP",
-        "no free start",
-    ]
+    headers = ["set", "primitives", "bytes", "fit", "geometry", "material", "relMSE", "+-", "bias", "FLIP"]
     rows = []
     for row in scene["sets"]:
         for view, found in row["views"].items():
             fit = found["fit"]
+            parts = (fit["irradiance"], found["geometry"]["irradiance"], found["material"])
             figures = [
-                _rel_mse(fit["irradiance"]),
-                short_number(fit["irradiance"]["standard_error"]),
-                _rel_mse(found["geometry"]["irradiance"]),
-                _rel_mse(found["material"]),
+                *(percent(part["ratio"]) for part in parts),
+                *(short_number(fit["irradiance"][key]) for key in ("rel_mse", "standard_error")),
                 _signed(fit["bias"]),
                 short_number(fit["flip"]),
                 percent(found["unplaced"]),
             ]
             rows.append([row["name"], view, str(row["primitives"]), f"{row['bytes']:,}", *figures])
     return (
-        f"<h3>The sets, path traced</h3>{table(headers, rows)}<p>relMSE; geometry: with albedo 0.5 "
-        "everywhere; material: what the colours add at each point.</p>"
+        f"<h3>The sets, path traced</h3>{table([*headers, 'no free start'], rows)}<p>Fit error, with albedo "
+        "0.5 everywhere (geometry), and what the colours add at each point (material).</p>"
     )
 
 
@@ -127,7 +119,3 @@ def errors_in_full(scene: Report) -> str:
 
 def _signed(share: float | None) -> str:
     return "-" if share is None else f"{100 * share:+.1f} %"
-
-
-def _rel_mse(error: Report) -> str:
-    return short_number(error["rel_mse"])
