@@ -8,6 +8,7 @@ from typing import Any
 
 from pipelines.bench_fit_summary import pareto_best
 from pipelines.gi_presets import GiPreset
+from pipelines.methods import Quality
 
 Row = Mapping[str, Any]
 
@@ -24,11 +25,8 @@ SETTING = ("set", "method", "max_probes", "rays_per_probe")
 LEAST_ERROR = 1e-4
 """Smaller errors count as this much: noise can make them 0 or less."""
 
-NEAR_BEST = 1.05
-"""`best` is the cheapest setting with at most so many times the least error."""
-
-FAST = 2.0
-"""`fast` is the cheapest setting with at most so many times the error of `balanced`."""
+AT_MOST: Mapping[Quality, float] = {"fast": 3.0, "balanced": 1.5, "best": 1.05}
+"""Each preset is the cheapest setting with at most so many times the least error of all."""
 
 
 def settings_of(scenes: Sequence[Row]) -> list[dict[str, Any]]:
@@ -53,20 +51,14 @@ def mark_pareto(rows: Sequence[dict[str, Any]]) -> None:
 
 
 def choose(settings: Sequence[Row]) -> dict[str, Row]:
-    """The settings called fast, balanced and best; none where no time is known.
-
-    best: the cheapest of about the least error. balanced: where a percent of time buys a percent of error
-    (the least product of both). fast: the cheapest whose error is at most `FAST` times that of balanced.
-    """
+    """The settings called fast, balanced and best: see `AT_MOST`; none where no time is known."""
     front = sorted((row for row in settings if "total" in row["pareto"]), key=lambda row: float(row[COST]))
     if not front:
         return {}
     least = min(map(_error, front))
-    best = next(row for row in front if _error(row) <= NEAR_BEST * least)
-    affordable = front[: front.index(best) + 1]
-    balanced = min(affordable, key=lambda row: row[COST] * _error(row))
-    fast = next(row for row in affordable if _error(row) <= FAST * _error(balanced))
-    return {"fast": fast, "balanced": balanced, "best": best}
+    return {
+        name: next(row for row in front if _error(row) <= factor * least) for name, factor in AT_MOST.items()
+    }
 
 
 def preset_of(setting: Row) -> GiPreset:

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from pipelines.bench_gi_summary import FAST, LEAST_ERROR, NEAR_BEST
+from pipelines.bench_gi_summary import AT_MOST, LEAST_ERROR
 from pipelines.report.plots import short_number
 
 Report = Mapping[str, Any]
 
 MEANINGS = {
-    "fast": f"the cheapest with at most {FAST:g} times the error of balanced",
-    "balanced": "a percent of time more buys a percent of error less",
-    "best": f"the cheapest within {NEAR_BEST - 1:.0%} of the least error",
+    name: f"the cheapest with at most {factor:g} times the least error" for name, factor in AT_MOST.items()
 }
 
 

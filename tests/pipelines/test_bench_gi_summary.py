@@ -1,0 +1,90 @@
+"""What `bench gi` advises: Pareto-best settings, the three presets, and the file that `render` reads."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipelines.bench_gi_summary import choose, preset_of, settings_of
+from pipelines.errors import UsageError
+from pipelines.gi_presets import QUALITIES, GiPreset, find_preset, write_presets
+from pipelines.methods import METHODS, SOFTWARE_PROBES, technique_settings
+
+
+def run(budget: int, milliseconds: float | None, total: float, **changes: Any) -> dict[str, Any]:
+    """A run of which only cost and error matter."""
+    found = {
+        "set": f"at most {budget}", "max_primitives": budget, "method": "sdfddgi", "max_probes": 1000,
+        "rays_per_probe": 64, "gi_ms": milliseconds, "update_ms": 1.0, "lookup_ms": 1.0, "frame_ms": 9.0,
+        "fit": 0.01, "solver": 0.01, "total": total, "total_rel_mse": total, "flip": total,
+    }  # fmt: skip
+    return found | changes
+
+
+def scene(*runs: dict[str, Any]) -> dict[str, Any]:
+    return {"runs": list(runs)}
+
+
+def test_only_what_nothing_beats_is_pareto_best() -> None:
+    dark = run(64, 0.01, 1.0, method="none", max_probes=None, rays_per_probe=None)
+    tried = settings_of([scene(run(8, 1, 0.5), run(32, 2, 0.1), run(64, 3, 0.2), run(128, 4, 0.05), dark)])
+    marked = {row["max_primitives"]: "total" in row["pareto"] for row in tried if row["method"] != "none"}
+    assert marked == {8: True, 32: True, 64: False, 128: True}
+    assert tried[-1]["pareto"] == [], "no light is fast, and no answer"
+
+
+def test_presets_are_the_cheapest_that_lose_no_more() -> None:
+    def chosen(*errors: float) -> list[int]:
+        runs = [run(4 ** (k + 1), 1.0 + k, error) for k, error in enumerate(errors)]
+        found = choose(settings_of([scene(*runs)]))
+        assert list(found) == list(QUALITIES) == ["fast", "balanced", "best"]
+        return [found[name]["max_primitives"] for name in QUALITIES]
+
+    assert chosen(0.9, 0.29, 0.14, 0.104, 0.1) == [16, 64, 256]
+    assert chosen(0.9, 0.31, 0.16, 0.106, 0.1) == [64, 256, 1024]
+    assert chosen(0.1, 0.2) == [4, 4, 4], "more time for more error is no choice"
+    assert chosen(0.0, 0.0) == [4, 4, 4], "noise can make an error 0 or less"
+
+
+def test_without_times_nothing_is_advised() -> None:
+    assert choose(settings_of([scene(run(8, None, 0.5))])) == {}
+    assert choose(settings_of([])) == {}
+
+
+def test_several_scenes_share_settings_and_geometric_means() -> None:
+    first = scene(run(8, 1, 0.1), run(32, 2, 0.2))
+    second = scene(run(8, 4, 0.4, max_primitives=7))
+    (row,) = settings_of([first, second])
+    assert (row["gi_ms"], row["total"]) == pytest.approx((2, 0.2))
+    assert row["max_primitives"] == 8
+
+
+def test_presets_come_back_from_their_file(tmp_path: Path) -> None:
+    file = tmp_path / "presets.json"
+    preset = preset_of(run(43, 1, 0.1))
+    write_presets(file, {"fast": preset}, {"adapter": "abacus"})
+    assert find_preset("fast", file) == preset == GiPreset("sdfddgi", 43, 1000, 64)
+    assert json.loads(file.read_text())["source"] == {"adapter": "abacus"}
+    with pytest.raises(UsageError, match=r"--quality best: .* has fast"):
+        find_preset("best", file)
+    file.write_text("[1]")
+    with pytest.raises(UsageError, match=r"no presets\.json"):
+        find_preset("fast", file)
+    with pytest.raises(UsageError, match="no such file"):
+        find_preset("fast", tmp_path / "nothing.json")
+
+
+@pytest.mark.parametrize("name", QUALITIES)
+def test_the_program_brings_presets_that_its_techniques_take(name: str) -> None:
+    from fit.primitives import make_box
+
+    preset = find_preset(name)
+    assert preset.gi in METHODS
+    options = preset.technique_options(software=False)
+    settings = technique_settings(preset.gi, make_box((0, 0, 0), (1, 1, 1)), None, software=False, **options)
+    assert settings.max_probes == preset.max_probes
+    assert settings.rays_per_probe == preset.rays_per_probe
+    assert preset.technique_options(software=True)["max_probes"] <= SOFTWARE_PROBES
