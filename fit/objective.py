@@ -287,6 +287,12 @@ def leak_share(shapes: Shapes, targets: Targets) -> float:
     return float(leaking.mean()) if len(rays) else 0.0
 
 
+def leaking_lines(shapes: Shapes, targets: Targets) -> float:
+    """Share of the lines that meet the surface which the set lets pass it by more than `slack`."""
+    lines = targets.select(np.flatnonzero(targets.is_line & (targets.late > 0)))
+    return float((set_distances(shapes, lines) > targets.slack).mean()) if len(lines) else 0.0
+
+
 def error(shapes: Shapes, targets: Targets) -> float:
     """E(S)."""
     return float(penalties(targets, set_distances(shapes, targets)).sum())

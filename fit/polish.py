@@ -21,12 +21,17 @@ from fit.choose import choose, offer, prune
 from fit.close import close_leaks
 from fit.cut import cut_worst
 from fit.merge import thin_out
-from fit.objective import Targets, error, set_distances, thin
+from fit.objective import Targets, error, leaking_lines, set_distances, thin
 from fit.shapes import Shapes, are_of, join, no_shapes
+from fit.spaces import Air
+from fit.targets import count_rays
 
 LEAK_PRICE, BLOCKED_PRICE = 0.25, 0.075
 """Of the diagonal: what leaks and blocked rays cost when all are such, beside the mean distance of the set.
 A leak costs more: it lights what should be dark, and a set grown by distances leaks more than it blocks."""
+
+LEAK_RISES = (1.0, 2.0, 4.0, 8.0)
+"""Times `LEAK_PRICE` that leaks cost while more leak than were asked for."""
 
 ROUNDS, MOVED_SHARE = 8, 0.07
 """How often shapes move, and of how many."""
@@ -45,6 +50,35 @@ ROUND_STEPS = (0.5, 0.25)
 
 TOUCHED_CELLS = 3.0
 """Cells of the air's grid around a new or dropped shape within which the others' faces move again."""
+
+
+def polish_until(
+    shapes: Shapes,
+    targets: Targets,
+    air: Air,
+    sources: Sources,
+    scope: Scope,
+    *,
+    most_leaks: float,
+    limit: int,
+    kept: int = 0,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Shapes, Targets]:
+    """`polish` with counted rays, whose leaks cost more and more while over the share `most_leaks` of those
+    that meet the surface leak; and the targets that judged last."""
+    for rise in LEAK_RISES:
+        judge = count_rays(targets, air, seed, rise * LEAK_PRICE, BLOCKED_PRICE)
+        shapes = polish(
+            shapes, targets, judge, sources, scope,
+            limit=limit, cell=air.cell, kept=kept, seed=seed, progress=progress,
+        )  # fmt: skip
+        if (
+            most_leaks == 1
+            or leaking_lines(shapes, count_rays(targets, air, seed + 1, 1.0, 1.0)) <= most_leaks
+        ):
+            break  # by other rays: those that it was polished by leak less
+    return shapes, judge
 
 
 def polish(

@@ -34,7 +34,7 @@ from fit.notes import notes_on_result
 from fit.objective import Targets, error, set_distances
 from fit.paint import paint
 from fit.palette import find_palette
-from fit.polish import BLOCKED_PRICE, LEAK_PRICE, polish
+from fit.polish import polish_until
 from fit.primitives import PrimitiveSet
 from fit.scene import Scene
 from fit.settings import COARSE, DEFAULT, FINE, GAIN_BY_DEFAULT, GAIN_WITH_BUDGET, FitSettings
@@ -44,7 +44,7 @@ from fit.sources import exact_whole, find_sources, whole_solid
 from fit.spaces import Air
 from fit.split import split
 from fit.surface import Surface
-from fit.targets import along_a_curve, count_rays, make_targets, see_surface
+from fit.targets import along_a_curve, make_targets, see_surface
 from fit.volume import Volumes, compare_volumes
 
 __all__ = ["COARSE", "FINE", "STEPS", "Fit", "FitSettings", "Progress", "find_scene_air", "fit"]
@@ -114,10 +114,9 @@ def fit(
         # Of a body its fill counts, unless leaks are asked for: its silhouette would grow.
         judge = None
         if "closing" in settings.steps and sources and not (sources.alone and settings.max_leaks == 1.0):
-            judge = count_rays(targets, air, settings.seed, LEAK_PRICE, BLOCKED_PRICE)
-            polished = polish(
-                shapes, targets, judge, sources, Scope(settings.kinds, settings.steps),
-                limit=settings.limit(), cell=air.cell, kept=len(fixed), seed=settings.seed,
+            polished, judge = polish_until(
+                shapes, targets, air, sources, Scope(settings.kinds, settings.steps),
+                most_leaks=settings.max_leaks, limit=settings.limit(), kept=len(fixed), seed=settings.seed,
                 progress=stages.fraction,
             )  # fmt: skip
             shapes = enough.best(polished, shapes)

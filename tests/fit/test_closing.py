@@ -7,7 +7,7 @@ import pytest
 
 from fit.build import Scope, Sources
 from fit.close import close_leaks
-from fit.objective import Targets, error, thin
+from fit.objective import Targets, error, leaking_lines, thin
 from fit.polish import polish
 from fit.primitives import Kind
 from fit.shapes import Shapes, join, make_shapes, moved, no_shapes, to_primitives
@@ -84,6 +84,14 @@ def test_closing_opens_a_door_that_a_box_reaches_into() -> None:
     opened = close_leaks(join([floor, lid]), lines, cell=0.4, free=free, steps=(1.0, 1.0, 0.5, 0.25))
     assert error(opened, lines) < 0.3 * blocked
     np.testing.assert_array_equal(opened.halves[0], floor.halves[0])
+
+
+def test_leaking_lines_are_counted() -> None:
+    lines = lines_down(4000, late=3)
+    half = box((-1, -0.05, 0), (1, 0.01, 2))
+    assert leaking_lines(no_shapes(), lines) == 1
+    assert leaking_lines(half, lines) == pytest.approx((lines.points[:, 0] > 0).mean())
+    assert leaking_lines(no_shapes(), lines_down(10)) == 0, "lines that may leak are not counted"
 
 
 def test_thinned_lines_stand_for_all() -> None:
