@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fit.objective import Targets, distance_table, distances_from, near_rows, penalties
 from fit.primitives import Kind
 from fit.scene import Float64
-from fit.shapes import Shapes
+from fit.shapes import KINDS, Shapes, are_of
 from fit.spans import FLAT, ROUND
 
 STEPS = (1.0, 0.5, 0.25, 0.12)
@@ -27,17 +27,24 @@ _ALL_AROUND = 2.0
 """Steps that a shape is grown by on all sides to find what a move of one face can change."""
 
 _THINNEST = 1e-3
-"""Of the targets' reach: no half extent gets smaller, so that a sheet stays a solid."""
+"""Of the targets' reach: no half extent gets smaller, unless it was, so that a sheet stays a solid."""
 
 
 def close_leaks(
-    shapes: Shapes, targets: Targets, *, cell: float, free: NDArray[np.bool_], steps: Sequence[float] = STEPS
+    shapes: Shapes,
+    targets: Targets,
+    *,
+    cell: float,
+    free: NDArray[np.bool_],
+    steps: Sequence[float] = STEPS,
+    kinds: Sequence[str] = KINDS,
 ) -> Shapes:
     """The set after the faces of the shapes `free` (n,) have moved; its error never rises.
 
-    targets: those whose rays are counted (`targets.count_rays`); cell: of the air's grid.
+    targets: those whose rays are counted (`targets.count_rays`); cell: of the air's grid; kinds: those that
+    shapes may be of once they have moved: a plane that grows thick is a box.
     """
-    moving = _Moving(shapes, targets)
+    moving = _Moving(shapes, targets, kinds)
     for step in steps:
         for which in np.flatnonzero(free & ~shapes.exact):
             moving.move(int(which), step * cell)
@@ -47,8 +54,8 @@ def close_leaks(
 class _Moving:
     """A set as it moves, and the distances (n, p) of its shapes from the targets, no more than `reach`."""
 
-    def __init__(self, shapes: Shapes, targets: Targets) -> None:
-        self.shapes, self.targets = shapes, targets
+    def __init__(self, shapes: Shapes, targets: Targets, kinds: Sequence[str]) -> None:
+        self.shapes, self.targets, self._kinds = shapes, targets, kinds
         self._distances = distance_table(shapes, targets, np.float32)
 
     def move(self, which: int, step: float) -> None:
@@ -67,6 +74,8 @@ class _Moving:
         )
         best, least = None, trial.error(self.shapes, which)
         for candidate in _moves(self.shapes, which, step, _THINNEST * self.targets.reach):
+            if not are_of(candidate.select(slice(which, which + 1)), self._kinds)[0]:
+                continue
             error = trial.error(candidate, which)
             if error < least:
                 best, least = candidate, error
@@ -100,7 +109,8 @@ def _moves(shapes: Shapes, which: int, step: float, thinnest: float) -> list[Sha
         for axis in FLAT[kind]:
             half = np.where(axes == axis, way / 2, 0.0)
             moves += [_changed(shapes, which, half, half), _changed(shapes, which, -half, half)]
-    return [moved for moved in moves if moved.halves[which].min() > thinnest]
+    thinnest = min(thinnest, float(shapes.halves[which].min()))
+    return [moved for moved in moves if moved.halves[which].min() >= thinnest]
 
 
 def _changed(shapes: Shapes, which: int, shift: Float64, growth: Float64) -> Shapes:

@@ -24,6 +24,8 @@ def cut_worst(
     shapes: Shapes, targets: Targets, refine: Refine, *, most: int, least_gain: float = 0.0, kept: int = 0
 ) -> Shapes:
     """The set with up to `TRIED` boxes in two, as long as there is room and each takes enough off E."""
+    if len(shapes) == 0:
+        return shapes
     table = distance_table(shapes, targets)
     own = np.bincount(table.argmin(axis=0), penalties(targets, table.min(axis=0)), len(shapes))
     can = (shapes.kinds == Kind.BOX) & ~shapes.exact & (np.arange(len(shapes)) >= kept)

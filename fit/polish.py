@@ -99,11 +99,12 @@ def polish(
     targets: what the set was grown by; proposals are made where it is wrong by them. The first `kept` shapes
     and exact ones stay as they are.
     """
-    best = close_leaks(shapes, judge, cell=cell, free=np.arange(len(shapes)) >= kept)
+    free = np.arange(len(shapes)) >= kept
+    best = close_leaks(shapes, judge, cell=cell, free=free, kinds=scope.kinds)
     lowest, few = error(best, judge), thin(judge, CHOSEN_BY)
 
     def closing(trial: Shapes, free: NDArray[np.bool_]) -> Shapes:
-        return close_leaks(trial, few, cell=cell, free=free)
+        return close_leaks(trial, few, cell=cell, free=free, kinds=scope.kinds)
 
     rng, idle, offered = np.random.default_rng(seed), 0, no_shapes()
     for number in range(ROUNDS if "teleportation" in scope.steps and len(best) > kept else 0):
@@ -114,7 +115,7 @@ def polish(
             offered = _proposed(rest, targets, sources, scope, rng)
         trial = join([rest, _chosen(offered, rest, few, limit - len(rest))])
         touched = _touched(trial, best, kept, TOUCHED_CELLS * cell)
-        trial = close_leaks(trial, judge, cell=cell, free=touched, steps=ROUND_STEPS)
+        trial = close_leaks(trial, judge, cell=cell, free=touched, steps=ROUND_STEPS, kinds=scope.kinds)
         trial = prune(trial, few, least_gain=0.0, kept=kept)
         reached = error(trial, judge)
         idle = 0 if lowest - reached > LEAST_GAIN * lowest else idle + 1

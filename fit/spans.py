@@ -44,7 +44,8 @@ def _spans(shapes: Shapes, which: int, origins: Float64, directions: Float64) ->
         # From the closest approach: the textbook's discriminant loses all digits from afar.
         middle = -(at * toward).sum(axis=0) / square
         nearest = at + middle * toward
-        room = (halves[0] ** 2 - (nearest * nearest).sum(axis=0)) / square
+        with np.errstate(over="ignore"):
+            room = (halves[0] ** 2 - (nearest * nearest).sum(axis=0)) / square
         reach = np.sqrt(np.maximum(room, 0.0))
         enter, leave = np.maximum(enter, middle - reach), np.minimum(leave, middle + reach)
     return enter, leave

@@ -10,7 +10,7 @@ from fit.close import close_leaks
 from fit.objective import Targets, error, leaking_lines, thin
 from fit.polish import polish
 from fit.primitives import Kind
-from fit.shapes import Shapes, join, make_shapes, moved, no_shapes, to_primitives
+from fit.shapes import Shapes, are_of, join, make_shapes, moved, no_shapes, to_primitives
 from fit.spans import cross, entries_of_one
 from fit.trace import first_hits
 
@@ -45,6 +45,12 @@ def test_rays_enter_a_shape_where_they_first_hit_it(kind: Kind) -> None:
     np.testing.assert_allclose(entries, first_hits(to_primitives(shape), origins, directions), atol=1e-9)
     assert 0.02 < np.isfinite(entries).mean() < 0.9
     np.testing.assert_array_equal(cross(shape, 0, origins, 1.5 * directions), entries < 1.5)
+
+
+def test_rays_along_a_cylinder_are_inside_between_its_caps_or_never() -> None:
+    cylinder = make_shapes(Kind.CYLINDER, np.zeros((1, 3)), np.eye(3), np.array([3.0, 1, 3]))
+    origins, down = np.array([[2.0, 5, 0], [5.0, 5, 0]]), np.tile([0.0, -1, 0], (2, 1))
+    np.testing.assert_array_equal(entries_of_one(cylinder, 0, origins, down), [4, np.inf])
 
 
 def test_a_thin_sheet_across_a_door_costs_every_ray_that_it_stops() -> None:
@@ -86,6 +92,20 @@ def test_closing_opens_a_door_that_a_box_reaches_into() -> None:
     np.testing.assert_array_equal(opened.halves[0], floor.halves[0])
 
 
+def test_closing_widens_a_sheet_however_thin() -> None:
+    lines, sheet = lines_down(2000, late=3), box((-0.3, -0.05, 0), (0.9, 1e-5, 2))
+    closed = close_leaks(sheet, lines, cell=0.4, free=np.ones(1, bool))
+    assert error(closed, lines) < 0.01 < error(sheet, lines)
+    assert closed.halves.min() >= 1e-5
+
+
+def test_closing_leaves_a_plane_a_plane_where_no_boxes_may_be() -> None:
+    lines, sheet = lines_down(500, late=3), box((0, -0.2, 0), (2, 0.01, 2))
+    free = np.ones(1, bool)
+    assert not are_of(close_leaks(sheet, lines, cell=0.4, free=free), ("plane",)).all()
+    assert are_of(close_leaks(sheet, lines, cell=0.4, free=free, kinds=("plane",)), ("plane",)).all()
+
+
 def test_leaking_lines_are_counted() -> None:
     lines = lines_down(4000, late=3)
     half = box((-1, -0.05, 0), (1, 0.01, 2))
@@ -120,4 +140,6 @@ def test_polish_keeps_what_is_kept() -> None:
     grown = polish(lamp, lines, lines, sources, Scope(), limit=2, cell=0.4, kept=1)
     np.testing.assert_array_equal(grown.halves[0], lamp.halves[0])
     assert error(grown, lines) <= error(lamp, lines)
+    alone = polish(lamp, lines, lines, Sources(no_shapes(), np.zeros(0), {}), Scope(), limit=1, cell=0.4)
+    assert error(alone, lines) <= error(lamp, lines), "a set of one shape, too, can be moved"
     assert len(polish(no_shapes(), lines, lines, sources, Scope(), limit=0, cell=0.4)) == 0
