@@ -120,7 +120,7 @@ class SceneBench:
         if (size := self.settings.timed_size_on(self.shots[0].studio.gpu)) != self.settings.size:
             timer = self._renderer(size, named.primitives, variant)
         passes, wall_ms = self._times(timer, update)
-        costs = _costs(passes, wall_ms if self.shots[0].studio.gpu.is_software else None)
+        costs = pass_costs(passes, wall_ms if self.shots[0].studio.gpu.is_software else None)
         views = {
             shot.name: _errors(shot.judge, truths[shot.name], irradiance[shot.name], variant)
             for shot in self.shots
@@ -211,7 +211,7 @@ def _short(error: Any) -> dict[str, Any]:
     return found
 
 
-def _costs(passes: dict[str, float | None], wall_ms: float | None) -> dict[str, float | None]:
+def pass_costs(passes: dict[str, float | None], wall_ms: float | None) -> dict[str, float | None]:
     """Milliseconds of GI, whole and in its two parts, and of the frame; None where the adapter tells none.
 
     wall_ms: of a software adapter's frame. Mesa's llvmpipe writes the time stamp before a compute pass after

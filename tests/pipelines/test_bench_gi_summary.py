@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from pipelines.bench_gi_scene import pass_costs
 from pipelines.bench_gi_summary import choose, preset_of, settings_of
 from pipelines.errors import UsageError
 from pipelines.gi_presets import QUALITIES, GiPreset, find_preset, write_presets
@@ -60,6 +61,18 @@ def test_several_scenes_share_settings_and_geometric_means() -> None:
     (row,) = settings_of([first, second])
     assert (row["gi_ms"], row["total"]) == pytest.approx((2, 0.2))
     assert row["max_primitives"] == 8
+
+
+def test_gi_is_what_a_picture_without_it_does_not_need() -> None:
+    passes: dict[str, float | None] = {
+        "sdfddgi/update_probes": 2.0, "direct/draw_light_view": 9.0, "primary/draw_gbuffer": 4.0,
+        "composite/gather_irradiance": 3.0, "composite/combine_light": 0.5,
+    }  # fmt: skip
+    found = pass_costs(passes, None)
+    assert found == {"gi_ms": 5.0, "update_ms": 2.0, "lookup_ms": 3.0, "frame_ms": 18.5}
+    by_the_clock = pass_costs(passes, 30.0)
+    assert by_the_clock == {"gi_ms": 16.5, "update_ms": 13.5, "lookup_ms": 3.0, "frame_ms": 30.0}
+    assert set(pass_costs(passes | {"direct/light_pixels": None}, None).values()) == {None}
 
 
 def test_presets_come_back_from_their_file(tmp_path: Path) -> None:
