@@ -21,24 +21,24 @@ FRAMES = 40
 
 LIMITS = {
     "sdfddgi": {
-        "closed_box": 0.0002,
-        "cornell": 0.3,
+        "closed_box": 0.0001,
+        "cornell": 0.21,
         "courtyard": 0.26,
         "curtains": 0.021,
-        "emissive_room": 0.04,
-        "furnace": 0.0002,
-        "tunnel": 0.019,
-        "two_rooms": 0.041,
+        "emissive_room": 0.039,
+        "furnace": 0.0001,
+        "tunnel": 0.0184,
+        "two_rooms": 0.0088,
     },
     "ddgi": {
-        "closed_box": 0.096,
-        "cornell": 0.195,
+        "closed_box": 0.0001,
+        "cornell": 0.383,
         "courtyard": 0.23,
         "curtains": 0.141,
-        "emissive_room": 0.34,
-        "furnace": 0.025,
+        "emissive_room": 0.028,
+        "furnace": 0.0001,
         "tunnel": 0.3,
-        "two_rooms": 0.176,
+        "two_rooms": 0.027,
     },
 }
 """relMSE of irradiance with probes at the spacing of assets/stages.toml, after 40 frames."""
