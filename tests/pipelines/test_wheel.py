@@ -23,7 +23,7 @@ def test_shaders_scenes_and_template_are_inside(wheel: Path, repository: Path) -
     held = set(zipfile.ZipFile(wheel).namelist())
     wanted = {path.relative_to(repository).as_posix() for path in (repository / "runtime").rglob("*.wgsl")}
     wanted |= {f"pipelines/assets/{path.name}" for path in (repository / "assets").glob("*.glb")}
-    wanted |= {"pipelines/assets/views.toml", "pipelines/report/template.html"}
+    wanted |= {"pipelines/assets/views.toml", "pipelines/report/template.html", "pipelines/gi_presets.json"}
     assert len(wanted) > 20
     assert wanted <= held, sorted(wanted - held)
 
