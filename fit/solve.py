@@ -124,7 +124,7 @@ def fit(
         nothing = error(no_shapes(), targets)
         palette = find_palette(scene, air, seen, nothing)
         shapes = paint(
-            shapes, targets, palette,
+            shapes, targets if judge is None else judge, palette,
             limit=settings.limit(), least_gain=GAIN_BY_DEFAULT * nothing, kept=len(fixed),
         )  # fmt: skip
         if judge:
