@@ -116,8 +116,9 @@ def fit(
         if "closing" in settings.steps and sources and not (sources.alone and settings.max_leaks == 1.0):
             polished, judge = polish_until(
                 shapes, targets, air, sources, Scope(settings.kinds, settings.steps),
-                most_leaks=settings.max_leaks, limit=settings.limit(), kept=len(fixed), seed=settings.seed,
-                progress=stages.fraction,
+                most_leaks=settings.max_leaks, kept=len(fixed), seed=settings.seed, progress=stages.fraction,
+                # No more shapes where these are good enough, or worth while without a budget.
+                limit=len(shapes) if enough.good(shapes) or not settings.has_budget else settings.limit(),
             )  # fmt: skip
             shapes = enough.best(polished, shapes)
     with stages("color"):
@@ -130,7 +131,8 @@ def fit(
         if judge:
             free = np.arange(len(shapes)) >= len(fixed)
             shapes = enough.best(
-                close_leaks(shapes, judge, cell=air.cell, free=free, steps=LAST_STEPS), shapes
+                close_leaks(shapes, judge, cell=air.cell, free=free, steps=LAST_STEPS, kinds=settings.kinds),
+                shapes,
             )
         uncolored = to_primitives(shapes, planes="plane" in settings.kinds)
         primitives = color(uncolored, scene, air, seen, glow, seed=settings.seed)

@@ -291,6 +291,17 @@ def test_lamp_in_a_wall_keeps_its_own_primitive() -> None:
     np.testing.assert_allclose(primitives.emission[lit[0]].max(axis=0), (10, 8, 6), rtol=0.03)
 
 
+def test_closing_adds_no_primitives_where_few_are_good_enough() -> None:
+    angles = np.linspace(0, np.pi, 9)
+    arch = [(4 + 1.8 * np.sin(angle), 4 - 4 * np.cos(angle)) for angle in angles]
+    vault = [sheet([(0, y, z), (0, b, c), (9, b, c), (9, y, z)]) for (y, z), (b, c) in pairwise(arch)]
+    floor = sheet([(0, 0, 0), (0, 0, 8), (9, 0, 8), (9, 0, 0)])
+    scene = scene_of([Item(mesh) for mesh in (floor, *vault)])
+    settings = replace(QUICK, max_error=0.2)
+    grown = fit(scene, replace(settings, steps=settings.steps[:-1]))
+    assert len(fit(scene, settings).primitives) <= len(grown.primitives)
+
+
 def test_stages_are_reported_in_order() -> None:
     calls: list[tuple[str, float]] = []
     result = fit(scene_of([Item(box((1, 1, 1)))]), QUICK, progress=lambda *call: calls.append(call))
