@@ -33,7 +33,7 @@ A leak costs more: it lights what should be dark, and a set grown by distances l
 LEAK_RISES = (1.0, 2.0, 4.0, 8.0)
 """Times `LEAK_PRICE` that leaks cost while more leak than were asked for."""
 
-ROUNDS, MOVED_SHARE = 8, 0.07
+ROUNDS, MOVED_SHARE = 5, 0.07
 """How often shapes move, and of how many."""
 
 LEAST_GAIN = 0.005
@@ -42,7 +42,7 @@ LEAST_GAIN = 0.005
 CHOSEN_BY = 4
 """One target of so many is looked at when candidates are chosen; whether a round is kept, all decide."""
 
-ASKED_EVERY = 2
+ASKED_EVERY = 3
 """Rounds that are served by one call for proposals."""
 
 ROUND_STEPS = (0.5, 0.25)

@@ -149,7 +149,7 @@ def _minimise(
     lower, upper = (b.ravel() for b in _bounds(moving, targets.reach, max_step, scale))
     best_x, best_value = np.clip(np.zeros(scale.size), lower, upper), np.inf
 
-    def at(x: Float64) -> tuple[Shapes, Float64, Float64]:
+    def at(x: Float64) -> tuple[Shapes, Float64, Float64, float]:
         nonlocal best_x, best_value
         trial = moved(moving, x.reshape(-1, PARAMETERS) * scale)
         distances = pair_distances(trial, pairs.place, pairs.shape)
@@ -157,20 +157,20 @@ def _minimise(
         value = float(penalties(pairs.members, nearest).sum())
         if np.isfinite(value) and value < best_value:
             best_x, best_value = x.copy(), value
-        return trial, distances, nearest
+        return trial, distances, nearest, value
 
     def objective(x: Float64, gradient: Float64) -> float:
-        trial, distances, nearest = at(x)
+        trial, distances, nearest, value = at(x)
         if gradient.size:
             gradient[:] = (_slopes(moving, trial, pairs, distances, nearest) * scale).ravel()
-        return float(penalties(pairs.members, nearest).sum())
+        return value
 
     if finish:
         with suppress(ValueError, np.linalg.LinAlgError):  # of a degenerate start; the best point stays
             least_squares(
                 lambda x: _roots(pairs.members, at(x)[2])[0],
                 np.clip(best_x, lower + _WITHIN, upper - _WITHIN),
-                jac=lambda x: _jacobian(moving, pairs, scale, *at(x)),
+                jac=lambda x: _jacobian(moving, pairs, scale, *at(x)[:3]),
                 bounds=(lower, upper), method="trf", tr_solver="lsmr", max_nfev=LEAST_SQUARES_STEPS,
             )  # fmt: skip
         return moved(moving, best_x.reshape(-1, PARAMETERS) * scale)

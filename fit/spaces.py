@@ -83,7 +83,7 @@ class Air:
         """What the report should say of the passages that the grid has closed."""
         return tuple(
             f"a passage about {p.width:.3g} m wide near {', '.join(f'{x:.4g}' for x in p.point)} "
-            f"is too narrow for the grid's cells of {self.cell:.3g} m and counts as closed"
+            f"counts as closed: the grid's cells are {self.cell:.3g} m, and it tells openings of two cells"
             for p in self.passages
         )
 

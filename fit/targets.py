@@ -241,5 +241,5 @@ def _air_points(air: Air, count: int, seed: int) -> tuple[Float64, Float64]:
             drawn.append(np.sort(rng.choice(cells, size=min(count // 2, len(cells)), replace=False)))
     index = np.concatenate([*drawn, np.zeros(0, np.int64)])
     points = air.grid.centers(np.stack(np.unravel_index(index, air.grid.shape), axis=1))
-    distances = air.tree.nearest(points)[0]
-    return points, np.minimum(distances, REACH_CELLS * air.cell)
+    reach = REACH_CELLS * air.cell
+    return points, np.minimum(air.tree.nearest(points, reach)[0], reach)

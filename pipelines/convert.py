@@ -255,8 +255,12 @@ def make_folder(folder: Path) -> None:
         raise UsageError(f"-o {folder}: nothing may be written there; name a folder that can be written")
 
 
+MOST_NOTES = 3
+"""Notes of a file that the terminal shows; the report has all."""
+
+
 def show(report: dict[str, Any], settings: ConvertSettings, terminal: Terminal) -> None:
-    """Prints a row for each file, then what failed and why."""
+    """Prints a row for each file, then what failed and why, and what is worth knowing."""
     rows = [
         [
             row["name"],
@@ -273,4 +277,9 @@ def show(report: dict[str, Any], settings: ConvertSettings, terminal: Terminal) 
     for row in report["assets"]:
         if row["error"]:
             terminal.line(f"failed   {row['source']}: {row['error']}")
+    for row in report["assets"]:
+        for note in row["notes"][:MOST_NOTES]:
+            terminal.line(f"note     {row['name']}: {note}")
+        if len(row["notes"]) > MOST_NOTES:
+            terminal.line(f"note     {row['name']}: {len(row['notes']) - MOST_NOTES} more in the report")
     terminal.line(f"report   {settings.output / 'report.json'}")

@@ -77,9 +77,9 @@ MODULES = sorted(
 )
 FUNCTIONS = [f for m in MODULES if (SHADERS / "lib" / f"{m}.wgsl").exists() for f in functions_of(m)]
 
-BOUND = {"candidates", "march", "frame", "light_list", "lights"}
-"""Modules of bound resources and of functions that ask them; tests/gi/test_tracer.py and tests/runtime hold
-them to their references.
+BOUND = {"candidates", "march", "frame", "light_list", "lights", "emitters", "sight"}
+"""Modules of bound resources, of functions that ask them, and of what they return; tests/gi/test_tracer.py,
+tests/gi/test_emitters.py and tests/runtime hold them to their references.
 """
 
 UNTWINNED = {"sky_texel_blend", "sky_radiance", "sky_radiance_within"}
