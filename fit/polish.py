@@ -37,7 +37,7 @@ ROUNDS, MOVED_SHARE = 5, 0.07
 """How often shapes move, and of how many."""
 
 LEAST_GAIN = 0.005
-"""Of J: a round that brings less is the last but one."""
+"""Of J: two rounds on end that bring less are the last."""
 
 CHOSEN_BY = 4
 """One target of so many is looked at when candidates are chosen; whether a round is kept, all decide."""
@@ -97,7 +97,7 @@ def polish(
     """At most `limit` shapes of no larger error by `judge`, the targets whose rays are counted.
 
     targets: what the set was grown by; proposals are made where it is wrong by them. The first `kept` shapes
-    and exact ones stay as they are.
+    stay as they are; exact ones do or go.
     """
     free = np.arange(len(shapes)) >= kept
     best = close_leaks(shapes, judge, cell=cell, free=free, kinds=scope.kinds)
@@ -154,8 +154,8 @@ def _chosen(offered: Shapes, rest: Shapes, few: Targets, count: int) -> Shapes:
 def _touched(shapes: Shapes, before: Shapes, kept: int, margin: float) -> NDArray[np.bool_]:
     """Which shapes (n,) are not among those `before`, or are near to one that only either set holds."""
     mine, theirs = _keys(shapes), _keys(before)
-    new = np.array([key not in set(theirs) for key in mine], bool)
-    gone = np.array([key not in set(mine) for key in theirs], bool)
+    new = np.array([key not in theirs for key in mine], bool)
+    gone = np.array([key not in mine for key in theirs], bool)
     changed = join([shapes.select(new), before.select(gone)])
     lower, upper = _bounds(shapes)
     low, high = _bounds(changed)
@@ -165,7 +165,10 @@ def _touched(shapes: Shapes, before: Shapes, kept: int, margin: float) -> NDArra
 
 def _keys(shapes: Shapes) -> list[bytes]:
     return [
-        shapes.centers[i].tobytes() + shapes.halves[i].tobytes() + shapes.frames[i].tobytes()
+        shapes.kinds[i].tobytes()
+        + shapes.centers[i].tobytes()
+        + shapes.halves[i].tobytes()
+        + shapes.frames[i].tobytes()
         for i in range(len(shapes))
     ]
 
