@@ -87,7 +87,17 @@ check_meshlab() {
     loads || say "going on without pymeshlab: bodies with holes are fitted as open sheets"
 }
 
+# The references of light come with `dev`, or with the extra `reference`.
+check_mitsuba() {
+    $python -c 'import importlib.util as u, sys; sys.exit(u.find_spec("mitsuba") is None)' || return 0
+    loads() { $python -c 'import drjit' >/dev/null 2>&1; }
+    loads && return
+    (need "mitsuba misses a library" libatomic1) || true
+    loads || say "going on without mitsuba: there are no references to compare with"
+}
+
 make_venv
 install_package
 check_gpu
 check_meshlab
+check_mitsuba
