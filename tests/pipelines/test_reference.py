@@ -241,10 +241,10 @@ def test_lamps_shine_through_cut_outs():
     )
     sun = Illumination((Sun((0, 0, 1), np.pi),))
     behind = mesh_reference(both, sun).irradiance(
-        [[0, 0.5, -0.1], [0, -0.5, -0.1]], [[0, 0, -1.0]] * 2, samples=256
+        [[0, 0.5, -0.1], [0, -0.5, -0.1]], [[0, 0, -1.0]] * 2, samples=4096
     )
     assert behind.value[0, 0] > 0.8 * np.pi
-    assert behind.value[1, 0] < 0.2 * np.pi
+    assert behind.value[1, 0] < 0.25 * np.pi, "0.2 pi reach it by way of the wall and the screen's back"
 
 
 def test_lamps_that_are_double_sided_shine_both_ways():
