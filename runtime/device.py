@@ -55,6 +55,10 @@ Install a Vulkan driver: the graphics card's own, or the software one:
     Fedora:         dnf install mesa-vulkan-drivers"""
 
 
+ONLY_OPENGL = """no usable GPU adapter found: {names} cannot translate all of our shaders to OpenGL.
+Install a Vulkan driver""" + NO_ADAPTER.partition("Install a Vulkan driver")[2]
+
+
 class NoAdapter(RuntimeError):
     """No usable GPU; the message says what to install."""
 
@@ -85,7 +89,8 @@ class Gpu:
 
 
 def open_device(adapter: str | None = None) -> Gpu:
-    """Opens the best adapter: discrete before integrated before software, native interfaces before OpenGL.
+    """Opens the best adapter: discrete before integrated before software. OpenGL is no choice: wgpu refuses
+    what it cannot say in GLSL, such as loads from depth textures, and only when a kernel is made.
 
     `adapter` (or else the environment variable SDFPRIM_ADAPTER) is a part of the adapter's name, in any case.
     Raises NoAdapter when there is none, with the remedy or the names of those that there are, and when the
@@ -107,14 +112,20 @@ def open_device(adapter: str | None = None) -> Gpu:
 
 
 def adapter_summaries() -> list[str]:
-    """One line for each adapter of this machine: name, kind and interface."""
-    return [adapter.summary for adapter in wgpu.gpu.enumerate_adapters_sync()]
+    """One line for each usable adapter of this machine: name, kind and interface."""
+    return [adapter.summary for adapter in _usable(wgpu.gpu.enumerate_adapters_sync())]
+
+
+def _usable(adapters: list[Any]) -> list[Any]:
+    return [adapter for adapter in adapters if "OpenGL" not in adapter.info["backend_type"]]
 
 
 def _choose(name: str) -> Any:
-    adapters = wgpu.gpu.enumerate_adapters_sync()
+    found = wgpu.gpu.enumerate_adapters_sync()
+    adapters = _usable(found)
     if not adapters:
-        raise NoAdapter(NO_ADAPTER)
+        names = ", ".join(adapter.summary for adapter in found)
+        raise NoAdapter(ONLY_OPENGL.format(names=names) if found else NO_ADAPTER)
     matching = [adapter for adapter in adapters if name.lower() in adapter.summary.lower()]
     if not matching:
         there = "\n".join(f"    {summary}" for summary in adapter_summaries())
@@ -122,11 +133,10 @@ def _choose(name: str) -> Any:
     return min(matching, key=_rank)
 
 
-def _rank(adapter: Any) -> tuple[int, int]:
+def _rank(adapter: Any) -> int:
     kinds = ["DiscreteGPU", "IntegratedGPU", "Unknown", "CPU"]
     kind = adapter.info["adapter_type"]
-    is_opengl = "OpenGL" in adapter.info["backend_type"]
-    return int(is_opengl), kinds.index(kind) if kind in kinds else kinds.index("Unknown")
+    return kinds.index(kind) if kind in kinds else kinds.index("Unknown")
 
 
 def _check_limits(summary: str, limits: dict[str, int]) -> None:

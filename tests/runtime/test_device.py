@@ -57,6 +57,15 @@ def test_the_best_adapter_is_chosen(monkeypatch):
     assert device._choose("") is software
 
 
+def test_opengl_alone_is_refused_with_the_remedy(monkeypatch):
+    """It would open, and fail at the first kernel that loads from a depth texture."""
+    old = fake_adapter("llvmpipe", "CPU", "OpenGL")
+    monkeypatch.setattr(device.wgpu.gpu, "enumerate_adapters_sync", lambda: [old])
+    with pytest.raises(NoAdapter, match=r"(?s)llvmpipe .* OpenGL.*apt-get install mesa-vulkan-drivers"):
+        open_device()
+    assert device.adapter_summaries() == []
+
+
 def test_without_an_adapter_the_message_names_the_remedy(monkeypatch):
     monkeypatch.setattr(device.wgpu.gpu, "enumerate_adapters_sync", list)
     with pytest.raises(NoAdapter, match="apt-get install mesa-vulkan-drivers"):
