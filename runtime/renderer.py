@@ -166,6 +166,7 @@ class Renderer:
             rec, FrameLight(self._index, self._frame_bindings(), self._light_version, viewer)
         )
         if not only_light:
+            self.gbuffer.begin_frame()
             self._draw_gbuffer.record(rec, self.meshes, self.gbuffer, self._frame_bindings())
             self._direct.record(rec, self.gbuffer, self.world.bindings(), self._frame_bindings())
             self._record_indirect(rec)

@@ -205,6 +205,27 @@ def test_motion_of_camera_and_instance(gpu, builder):
     np.testing.assert_allclose(still_again[32, 32, :2], 0, atol=6e-5)
 
 
+def test_the_last_picture_is_kept_and_found_by_depth(gpu, builder):
+    """A point's depth a frame ago comes with its motion, whoever has moved; the last picture is there yet."""
+    builder.quad((-1, -1, 0), (2, 0, 0), (0, 2, 0))
+    renderer = Renderer(gpu, builder.scene(), _no_primitives(), RenderSettings(size=(32, 32), gi="none"))
+    camera = look_at(np.array([0.0, 0.0, 2.0]), np.zeros(3), fov=90.0)
+    renderer.render(camera)
+    assert not renderer.gbuffer.bindings()["previous_depth"].read().any()
+    first = renderer.gbuffer.depth.read()
+    assert first[16, 16] == pytest.approx(camera.znear / 2, rel=1e-5)
+    nearer = look_at(np.array([0.0, 0.0, 1.0]), np.zeros(3), fov=90.0)
+    motion = renderer.render(nearer, only=("motion",)).images["motion"]
+    assert motion[16, 16, 2] == pytest.approx(camera.znear / 2, rel=1e-5)
+    np.testing.assert_array_equal(renderer.gbuffer.bindings()["previous_depth"].read(), first)
+    away = np.eye(4)
+    away[2, 3] = -3.0
+    renderer.move_instances({0: away})
+    motion = renderer.render(only=("motion",)).images["motion"]
+    assert motion[16, 16, 2] == pytest.approx(camera.znear / 1, rel=1e-5)
+    assert renderer.gbuffer.depth.read()[16, 16] == pytest.approx(camera.znear / 4, rel=1e-5)
+
+
 def test_transmissive_surfaces_are_left_out_and_told(builder, render_scene):
     builder.quad((-1, -1, 0), (2, 0, 0), (0, 2, 0), transmission=1.0)
     builder.quad((-1, -1, -1), (2, 0, 0), (0, 2, 0))

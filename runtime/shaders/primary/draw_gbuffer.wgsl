@@ -22,7 +22,7 @@ struct Texels {
     @location(0) normals: vec2u,
     @location(1) albedo: vec4f,
     @location(2) emission: vec4f,
-    @location(3) motion: vec2f,
+    @location(3) motion: vec4f,
 }
 
 // The largest finite 16-bit float: a brighter emission is stored as this.
@@ -43,10 +43,12 @@ fn vertex_main(vertex: Vertex) -> Varyings {
     return varyings;
 }
 
-// Where the point was a frame ago minus where it is, in shares of the picture, v downward.
-fn motion_of(clip: vec4f, previous_clip: vec4f) -> vec2f {
-    let ndc = previous_clip.xy / max(previous_clip.w, 1e-6);
-    return ndc * vec2f(0.5, -0.5) + 0.5 - clip.xy / vec2f(frame.size);
+// Where the point was a frame ago minus where it is, in shares of the picture, v downward, and the depth that it had
+// there: 0 where it was behind the camera.
+fn motion_of(clip: vec4f, previous_clip: vec4f) -> vec4f {
+    let ndc = previous_clip.xyz / max(previous_clip.w, 1e-6);
+    let motion = ndc.xy * vec2f(0.5, -0.5) + 0.5 - clip.xy / vec2f(frame.size);
+    return vec4f(motion, select(0.0, ndc.z, previous_clip.w > 0.0), 0.0);
 }
 
 @fragment

@@ -45,7 +45,7 @@ fn layer_value(pixel: vec2u, depth: f32) -> vec3f {
         case DEPTH: { return vec3f(camera_distance(depth, frame.depth_map, frame.orthographic)); }
         case EMISSION: { return emission.rgb; }
         case ROUGHNESS: { return vec3f(albedo.a, emission.a, 0.0); }
-        case MOTION: { return vec3f(textureLoad(gbuffer_motion, pixel, 0).xy, 0.0); }
+        case MOTION: { return textureLoad(gbuffer_motion, pixel, 0).xyz; }
         case MESH: { return albedo.rgb * headlight(gbuffer_normal(pixel), frame_ray(pixel).direction) + emission.rgb; }
         default: { return vec3f(0.0); }
     }
