@@ -22,6 +22,7 @@ from pipelines.convert import (
 from pipelines.difference import PIXELS_PER_DEGREE, flip, relative_error, twice
 from pipelines.documents import report_header, to_json_value, write_json, write_text
 from pipelines.errors import UsageError
+from pipelines.quantities import METRICS, quantity
 from pipelines.report.page import build_page
 from pipelines.studio import AS_IN_THE_FILE, DEFAULT_FRAMES, LightingOptions, Studio
 
@@ -172,17 +173,20 @@ def _write_pictures(folder: Path, pictures: dict[str, UInt8]) -> None:
 
 def show(report: dict[str, Any], settings: CompareSettings, terminal: Terminal) -> None:
     """Prints the two sets side by side, the differences, and where the report lies."""
-    sets = report["sets"]
-    rows: list[list[Any]] = [
-        [label, *(sets[preset][key] for preset in PRESETS)]
-        for label, key in (
-            ("primitives", "primitives"),
-            ("bytes on the GPU", "bytes"),
-            ("fit, seconds", "fit_seconds"),
-            ("frame, GPU ms", "frame_ms"),
+    sets = [report["sets"][preset] for preset in PRESETS]
+    rows = [
+        [label, *(quantity(row[key], unit) for row in sets)]
+        for label, key, unit in (
+            ("primitives", "primitives", ""),
+            ("on the GPU", "bytes", "bytes"),
+            ("fit", "fit_seconds", "s"),
+            ("frame on the GPU", "frame_ms", "ms"),
         )
     ]
-    rows += [[key, *(sets[preset]["metrics"][key] for preset in PRESETS)] for key in sets["fine"]["metrics"]]
+    rows += [
+        [metric.label, *(quantity(row["metrics"][metric.key], metric.unit) for row in sets)]
+        for metric in METRICS
+    ]
     terminal.table(["", *PRESETS], rows)
     for line in report["lights"]:
         terminal.line(f"light    {line}")

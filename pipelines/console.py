@@ -51,11 +51,11 @@ class Terminal:
         self._out.print(text)
 
     def table(self, headers: Sequence[str], rows: Sequence[Sequence[Any]], title: str | None = None) -> None:
-        """A table of the result; numbers are set to the right."""
+        """A table of the result; numbers, and texts that begin with one, are set to the right."""
         table = Table(title=title, title_justify="left")
         for column, header in enumerate(headers):
-            is_number = all(isinstance(row[column], int | float | None) for row in rows)
-            table.add_column(header, justify="right" if is_number else "left", overflow="fold")
+            are_figures = all(_is_figure(row[column]) for row in rows)
+            table.add_column(header, justify="right" if are_figures else "left", overflow="fold")
         for row in rows:
             table.add_row(*(_cell(value) for value in row))
         self._out.print(table, soft_wrap=False)
@@ -82,6 +82,12 @@ class Terminal:
                 last = text
 
         return update
+
+
+def _is_figure(value: Any) -> bool:
+    if isinstance(value, str):
+        return value == "-" or value.lstrip("-")[:1].isdigit()
+    return value is None or isinstance(value, int | float)
 
 
 def _cell(value: Any) -> str:

@@ -13,6 +13,7 @@ from pipelines.console import Terminal
 from pipelines.documents import report_header, write_json
 from pipelines.errors import UsageError
 from pipelines.naming import result_names
+from pipelines.quantities import quantity
 from pipelines.worker import Progress, run_isolated
 
 Preset = Literal["coarse", "fine"]
@@ -20,14 +21,14 @@ Preset = Literal["coarse", "fine"]
 RESULT_SUFFIXES = (".prims.glb", ".prims.npz")
 
 SHOWN_METRICS = {
-    "mean error, m": "surface_to_set_mean_m",
-    "covered": "covered_half_pct",
-    "false solid": "false_solid",
-    "leaks": "leaks",
-    "blocked": "blocked",
-    "hole, m": "largest_hole_m",
+    "mean error": ("surface_to_set_mean_m", "m"),
+    "covered": ("covered_half_pct", "%"),
+    "false solid": ("false_solid", "%"),
+    "leaks": ("leaks", "%"),
+    "blocked": ("blocked", "%"),
+    "hole": ("largest_hole_m", "m"),
 }
-"""The metrics that the printed table shows, by their headers; the report has all of them."""
+"""The metrics that the printed table shows, by their headers, with units; the report has all of them."""
 
 EMPTY_ROW: dict[str, Any] = {
     "name": None,
@@ -267,7 +268,7 @@ def show(report: dict[str, Any], settings: ConvertSettings, terminal: Terminal) 
             row["status"],
             row["primitives"],
             row["bytes"],
-            *((row["metrics"] or {}).get(key) for key in SHOWN_METRICS.values()),
+            *(quantity((row["metrics"] or {}).get(key), unit) for key, unit in SHOWN_METRICS.values()),
             row["seconds"],
             row["peak_rss_mb"],
         ]

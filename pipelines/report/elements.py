@@ -1,44 +1,14 @@
-"""What every report page is made of: the page itself, tables, tiles, facts, and how a figure is written."""
+"""What every report page is made of: the page itself, tables, tiles, facts."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from html import escape
 from importlib import resources
 from string import Template
 from typing import Any
 
 from pipelines.report.plots import short_number
-
-
-@dataclass(frozen=True)
-class Metric:
-    """A figure of `fit.measure.Metrics` in words; unit `%`: a share, shown as percent; `pct`: is percent."""
-
-    key: str
-    label: str
-    unit: str
-    remark: str = ""
-
-
-METRICS = (
-    Metric("surface_to_set_mean_m", "surface to set, mean", "m", "from the surfaces that air touches"),
-    Metric("surface_to_set_p95_m", "surface to set, 95th percentile", "m"),
-    Metric("surface_to_set_max_m", "surface to set, largest", "m"),
-    Metric("covered_25cm", "covered within 25 cm", "%", "share of those surfaces"),
-    Metric("covered_half_pct", "covered within 0.5 % of the diagonal", "%"),
-    Metric("set_to_surface_mean_m", "set to surface, mean", "m", "from the set's boundary that air touches"),
-    Metric("false_solid", "free air made solid", "%"),
-    Metric("air_distance_error_m", "distance error in free air, mean", "m"),
-    Metric("air_distance_error_pct", "the same, of the diagonal", "pct"),
-    Metric("leaks", "rays that leak through", "%", "share of the rays that hit the mesh"),
-    Metric("blocked", "rays that are stopped too early", "%"),
-    Metric("hit_error_pct", "hit error, mean, of the diagonal", "pct"),
-    Metric("largest_hole_m", "largest hole", "m", "widest cluster of leaking hits"),
-    Metric("iou", "intersection over union", "", "where the mesh is closed"),
-    Metric("volume_error", "volume error", "", "where the mesh is closed"),
-)
 
 
 def page(title: str, sections: Iterable[str]) -> str:
@@ -83,17 +53,6 @@ def table(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         lines.append(f"<tr><td>{escape(label)}{small}</td>{cells}</tr>")
     body = "".join(lines)
     return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
-
-
-def quantity(value: float | None, unit: str) -> str:
-    """A figure with its unit, as in `Metric`; a dash for None."""
-    if value is None:
-        return "-"
-    if unit == "%":
-        return f"{100 * value:.2f} %"
-    if unit == "pct":
-        return f"{value:.3f} %"
-    return f"{value:.4g} {unit}".strip()
 
 
 def spaces(found: Sequence[Mapping[str, Any]]) -> str:

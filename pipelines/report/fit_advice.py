@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pipelines.bench_fit_summary import ENOUGH_FOR_LIGHT, NEAR_BEST, value_of
-from pipelines.report.elements import METRICS, Metric, quantity
+from pipelines.quantities import METRICS, Metric, quantity
 from pipelines.report.plots import short_number
 
 Report = Mapping[str, Any]

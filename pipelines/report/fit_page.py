@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from html import escape
 
 from pipelines.bench_fit_summary import value_of
+from pipelines.quantities import quantity
 from pipelines.report.curves import Point, curves
 from pipelines.report.elements import (
     facts,
     machine_fact,
     page,
-    quantity,
     spaces,
     table,
     version_fact,

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipelines.quantities import METRICS, quantity
 from pipelines.report.elements import (
-    METRICS,
     facts,
     machine_fact,
     page,
-    quantity,
     spaces,
     table,
     tiles,

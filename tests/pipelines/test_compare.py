@@ -19,7 +19,7 @@ from PIL import Image
 from fit import export
 from pipelines import compare
 from pipelines.difference import flip, relative_error, twice
-from pipelines.report.elements import METRICS
+from pipelines.quantities import METRICS
 from pipelines.report.plots import bars
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
