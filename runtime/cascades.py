@@ -1,8 +1,7 @@
 """Where DDGI's probes stand: one grid over the scene, or cascades of grids that follow the viewer.
 
 A cascade is a grid of 32 x 4 x 32 probes, each twice as wide as the one before (McGuire 2019, "Dynamic
-Diffuse Global Illumination", part 3, "Cascades"). It moves by whole spacings, and a probe keeps its slot as
-long as it is in the grid: slot = (place + turn) mod counts, so that only probes that come in start anew.
+Diffuse Global Illumination", part 3, "Cascades").
 """
 
 from __future__ import annotations
@@ -11,13 +10,11 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from fit.scene import Float64
 from runtime.probes import ATLAS_COLUMNS, ProbeGrid
+from runtime.scrolling import ScrollingGrid
 from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u
-
-Int64 = NDArray[np.int64]
 
 CASCADE_COUNTS = (32, 4, 32)
 """Probes of a cascade on each axis, as its authors recommend."""
@@ -26,9 +23,6 @@ MOST_CASCADES = 8
 
 COVER = 2.0
 """The coarsest cascade is so many times as wide as the scene: it holds all of it, wherever the viewer is."""
-
-FAR_MOVE = 0.25
-"""Of a cascade's probes on an axis: a viewer who went farther is followed before the cascade's turn."""
 
 
 class DdgiCascade(GpuStruct):
@@ -51,56 +45,15 @@ class DdgiInfo(GpuStruct):
 
 
 @dataclass
-class Cascade:
+class Cascade(ScrollingGrid):
     """One grid of probes. number: 0 is the finest; first: its first probe among those of all cascades.
 
-    visibility: share of the visibility test that counts, 0 for none. steps (3,): spacings that it moved
-    since the beginning. kept: corners, in probes, of the part of the grid that was there before the last
-    move.
+    visibility: share of the visibility test that counts, 0 for none.
     """
 
-    start: ProbeGrid
     number: int = 0
     first: int = 0
     visibility: float = 1.0
-
-    def __post_init__(self) -> None:
-        self.forget()
-
-    def forget(self) -> None:
-        """Goes back to the beginning, where no probe is kept."""
-        self.steps: Int64 = np.zeros(3, np.int64)
-        self.kept: tuple[Int64, Int64] = (np.zeros(3, np.int64), np.zeros(3, np.int64))
-        self._is_new = True
-
-    @property
-    def counts(self) -> Int64:
-        return np.array(self.start.counts, np.int64)
-
-    @property
-    def grid(self) -> ProbeGrid:
-        """The grid where it stands now."""
-        x, y, z = (float(v) for v in np.array(self.start.lower) + self.start.spacing * self.steps)
-        return ProbeGrid((x, y, z), self.start.spacing, self.start.counts)
-
-    def spacings_from(self, viewer: ArrayLike) -> Int64:
-        """Whole spacings (3,) from the grid's centre to the viewer."""
-        centre = np.array(self.grid.lower) + self.start.spacing * (self.counts - 1) / 2
-        away = (np.asarray(viewer, np.float64) - centre) / self.start.spacing
-        return np.trunc(away).astype(np.int64)
-
-    def is_left(self, viewer: ArrayLike) -> bool:
-        """Whether the viewer is so far from the centre that the grid must follow at once."""
-        return bool(np.any(np.abs(self.spacings_from(viewer)) > np.maximum(FAR_MOVE * self.counts, 1)))
-
-    def follow(self, viewer: ArrayLike | None) -> bool:
-        """Moves the centre to within a spacing of the viewer; tells whether it moved."""
-        shift = np.zeros(3, np.int64) if viewer is None else self.spacings_from(viewer)
-        self.steps = self.steps + shift
-        if not self._is_new:
-            self.kept = (np.clip(-shift, 0, self.counts), np.clip(self.counts - shift, 0, self.counts))
-        has_moved, self._is_new = self._is_new or bool(shift.any()), False
-        return has_moved
 
     def record(self, origin: Float64) -> np.ndarray:
         """What shaders know of it, in the local space of a world with this origin."""
@@ -109,7 +62,7 @@ class Cascade:
             spacing=self.start.spacing,
             counts=self.counts.astype(np.uint32),
             first=self.first,
-            turn=np.mod(self.steps, self.counts).astype(np.uint32),
+            turn=self.turn,
             visibility=self.visibility,
         )
 
@@ -149,12 +102,6 @@ def is_turn(number: int, frame: int) -> bool:
 def columns_of(cascades: list[Cascade]) -> int:
     """Tiles in a row of the atlases of all their probes' maps."""
     return min(sum(len(cascade.start) for cascade in cascades), ATLAS_COLUMNS)
-
-
-def atlas_size(probes: int, map_size: int) -> tuple[int, int]:
-    """Width and height in texels of the atlas of so many maps of `map_size`^2 texels with borders."""
-    columns = min(probes, ATLAS_COLUMNS)
-    return (map_size + 2) * columns, (map_size + 2) * -(-probes // columns)
 
 
 def pack_info(cascades: list[Cascade], origin: Float64, **shares: float) -> np.ndarray:

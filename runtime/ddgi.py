@@ -17,7 +17,6 @@ import numpy as np
 from runtime.cascades import (
     Cascade,
     DdgiInfo,
-    atlas_size,
     columns_of,
     is_turn,
     lay_cascades,
@@ -27,7 +26,7 @@ from runtime.ddgi_settings import DdgiSettings
 from runtime.device import Gpu
 from runtime.encoder import Recorder
 from runtime.kernel import Kernel
-from runtime.probes import IRRADIANCE_SIZE, RAYS_AT_ONCE, ProbeGrid, workgroups
+from runtime.probes import IRRADIANCE_SIZE, RAYS_AT_ONCE, ProbeGrid, atlas_size, workgroups
 from runtime.resources import Buffer, Sampler, Texture
 from runtime.scene_tracer import open_tracer
 from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u, vec4f

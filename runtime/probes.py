@@ -25,9 +25,8 @@ GROUPS_IN_A_ROW = 32768
 IRRADIANCE_SIZE = 8
 """Texels of a probe's irradiance map along a side."""
 
-OFF = -1.0
-"""Irradiance scale of a probe that is switched off."""
-
+OFF, FRESH = -1.0, -0.5
+"""Irradiance scale of a probe that is switched off, and of one that has a place but no light of it yet."""
 
 RAYS_AT_ONCE = 64
 """Rays of a workgroup: one for each texel of an irradiance map."""
@@ -38,6 +37,8 @@ class ProbeGridInfo(GpuStruct):
     spacing: f32
     counts: vec3u
     columns: u32
+    turn: vec3u
+    follows: u32
     softness: f32
 
 
@@ -64,23 +65,9 @@ class ProbeGrid:
         return int(np.prod(self.counts))
 
     @property
-    def columns(self) -> int:
-        return min(len(self), ATLAS_COLUMNS)
-
-    def atlas_size(self, map_size: int) -> tuple[int, int]:
-        """Width and height in texels of the atlas of all probes' maps of `map_size`^2 texels with borders."""
-        rows = -(-len(self) // self.columns)
-        return (map_size + 2) * self.columns, (map_size + 2) * rows
-
-    def info(self, origin: Float64, softness: float = 0.0) -> NDArray[np.void]:
-        """What shaders know of the grid, in the local space of a world with this origin (3,)."""
-        return ProbeGridInfo.pack(
-            lower=np.array(self.lower) - origin,
-            spacing=self.spacing,
-            counts=np.array(self.counts, np.uint32),
-            columns=self.columns,
-            softness=softness,
-        )
+    def centre(self) -> Float64:
+        """World position (3,)."""
+        return np.array(self.lower) + self.spacing * (np.array(self.counts) - 1) / 2
 
     def positions(self) -> Float64:
         """World positions (n, 3) of the grid's nodes, x fastest."""
@@ -106,8 +93,19 @@ class ProbeGrid:
         step = spacing or float(np.cbrt(np.prod(np.maximum(extent, 0.05 * extent.max() + 1e-9)) / max_probes))
         while np.prod(counts := _counts(extent, step)) > max_probes:
             step *= 1.02
-        start = (lower + upper) / 2 - step * (counts - 1) / 2
-        return ProbeGrid((float(start[0]), float(start[1]), float(start[2])), step, _triple(counts))
+        return ProbeGrid.about((lower + upper) / 2, step, _triple(counts))
+
+    @staticmethod
+    def about(centre: ArrayLike, spacing: float, counts: tuple[int, int, int]) -> ProbeGrid:
+        """So many probes with their middle at `centre`, world space."""
+        x, y, z = (np.asarray(centre, np.float64) - spacing * (np.array(counts) - 1) / 2).tolist()
+        return ProbeGrid((x, y, z), spacing, counts)
+
+
+def atlas_size(probes: int, map_size: int) -> tuple[int, int]:
+    """Width and height in texels of the atlas of so many maps of `map_size`^2 texels with borders."""
+    columns = min(probes, ATLAS_COLUMNS)
+    return (map_size + 2) * columns, (map_size + 2) * -(-probes // columns)
 
 
 def check_rays(rays_per_probe: int) -> None:
@@ -139,25 +137,39 @@ def _triple(values: NDArray[np.int64]) -> tuple[int, int, int]:
 
 
 class IrradianceProbes:
-    """Octahedral irradiance maps of a grid of probes, ready for lookups.
+    """Octahedral irradiance maps of a grid of probes, ready for lookups, and after them one of the sky alone.
 
-    records: for each probe its local position, the scale of its map (below 0: off) and the linear part of
-    its irradiance, a channel each: constant and slope, E = constant + slope . normal. atlas: the rest as
-    tiles with borders; texel * scale is W/m2, so half floats serve any brightness. exact: all of the
-    irradiance, IRRADIANCE_SIZE^2 texels a probe, in float32 and without borders: the history that updates
+    records: for each probe its local position, the scale of its map (below 0: `OFF` or `FRESH`) and the
+    linear part of its irradiance, a channel each: constant and slope, E = constant + slope . normal. atlas:
+    the rest as tiles with borders; texel * scale is W/m2, so half floats serve any brightness. exact: all of
+    the irradiance, IRRADIANCE_SIZE^2 texels a probe, in float32 and without borders: the history that updates
     blend into, where half floats would stop short of the mean.
     """
 
-    def __init__(self, gpu: Gpu, grid: ProbeGrid, origin: Float64, softness: float) -> None:
-        self.gpu, self.grid = gpu, grid
+    def __init__(self, gpu: Gpu, count: int, softness: float) -> None:
+        self.gpu, self.count, self._softness = gpu, count, softness
         self.info = Buffer(gpu, ProbeGridInfo.dtype.itemsize, "uniform", label="probe grid")
-        self.info.write(grid.info(origin, softness))
-        self.records = Buffer(gpu, ProbeRecord.dtype.itemsize * len(grid), label="probe records")
-        self.exact = Buffer(gpu, 16 * len(grid) * IRRADIANCE_SIZE**2, label="probe irradiance")
+        self.records = Buffer(gpu, ProbeRecord.dtype.itemsize * (count + 1), label="probe records")
+        self.exact = Buffer(gpu, 16 * (count + 1) * IRRADIANCE_SIZE**2, label="probe irradiance")
         self.atlas = Texture(
-            gpu, grid.atlas_size(IRRADIANCE_SIZE), "rgba16float", "sample|storage", label="probe atlas"
+            gpu, atlas_size(count + 1, IRRADIANCE_SIZE), "rgba16float", "sample|storage", label="probe atlas"
         )
         self.sampler = Sampler(gpu, "linear", label="probe atlas")
+
+    def stand(self, grid: ProbeGrid, turn: ArrayLike, origin: Float64, *, follows: bool) -> None:
+        """Tells shaders where the grid stands, in the local space of a world with this origin (3,), and the
+        slot (3,) of its first probe."""
+        self.info.write(
+            ProbeGridInfo.pack(
+                lower=np.array(grid.lower) - origin,
+                spacing=grid.spacing,
+                counts=np.array(grid.counts, np.uint32),
+                columns=min(self.count + 1, ATLAS_COLUMNS),
+                turn=turn,
+                follows=int(follows),
+                softness=self._softness,
+            )
+        )
 
     def lookup_bindings(self) -> Mapping[str, Any]:
         return {
@@ -168,19 +180,21 @@ class IrradianceProbes:
         }
 
     def clear(self) -> None:
-        """Switches every probe off and blackens its map."""
-        blank = np.zeros(len(self.grid), ProbeRecord.dtype)
+        """Switches every probe off and blackens its map; the sky's has yet to be seen."""
+        blank = np.zeros(self.count + 1, ProbeRecord.dtype)
         blank["position"][:, 3] = OFF
+        blank["position"][-1, 3] = FRESH
         self.records.write(blank)
-        self.exact.write(np.zeros((len(self.grid), IRRADIANCE_SIZE**2, 4), np.float32))
+        self.exact.write(np.zeros((self.count + 1, IRRADIANCE_SIZE**2, 4), np.float32))
 
     def read_records(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Local positions (n, 3) of the probes and which are on (n,); waits for the GPU."""
-        position = self.records.read(ProbeRecord.dtype, (len(self.grid),))["position"]
-        return position[:, :3], position[:, 3] >= 0
+        """Local positions (n, 3) of the grid's probes, by slot, and which have a place (n,); waits for the
+        GPU."""
+        position = self.records.read(ProbeRecord.dtype, (self.count,))["position"]
+        return position[:, :3], position[:, 3] >= FRESH
 
     @property
     def memory(self) -> int:
         """Bytes on the GPU."""
-        width, height = self.grid.atlas_size(IRRADIANCE_SIZE)
+        width, height = self.atlas.size[:2]
         return self.info.size + self.records.size + self.exact.size + 8 * width * height

@@ -9,7 +9,6 @@ what fails.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,12 +17,16 @@ from numpy.typing import ArrayLike, NDArray
 from runtime.device import Gpu
 from runtime.encoder import Recorder
 from runtime.kernel import Kernel
-from runtime.probes import IRRADIANCE_SIZE, RAYS_AT_ONCE, IrradianceProbes, ProbeGrid, check_rays, workgroups
+from runtime.probes import IRRADIANCE_SIZE, RAYS_AT_ONCE, IrradianceProbes, ProbeGrid, workgroups
 from runtime.resources import Buffer, Texture
 from runtime.scene_tracer import PrimitiveTracer
-from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u
+from runtime.scrolling import ScrollingGrid
+from runtime.sdfddgi_settings import SdfddgiSettings
+from runtime.structs import GpuStruct, f32, u32, vec3f, vec3i, vec3u
 from runtime.technique import FrameLight
 from runtime.world import World
+
+__all__ = ["Sdfddgi", "SdfddgiSettings"]
 
 RAYS_ON_SOFTWARE = 4096
 """Rays of a probe in one frame that Mesa's llvmpipe can follow. It leaves all loops of an invocation in
@@ -31,9 +34,11 @@ silence after 65,535 rounds together; a ray takes about ten."""
 
 
 class PlaceSettings(GpuStruct):
-    lower: vec3f
-    spacing: f32
-    counts: vec3u
+    start: vec3f
+    world_has_changed: u32
+    steps: vec3i
+    kept_lower: vec3u
+    kept_upper: vec3u
     clearance: f32
     reach: f32
     smallest_clearance: f32
@@ -62,54 +67,6 @@ class ProbeHistory(GpuStruct):
     peak: f32
 
 
-@dataclass(frozen=True)
-class SdfddgiSettings:
-    """Lengths in metres, or shares of the probe spacing.
-
-    grid: where the probes stand; None lays them over the primitives.
-    probe_spacing: None makes it as fine as `max_probes` allows (the paper's volume has 22 x 14 x 32).
-    rays_per_probe: a multiple of 64; a probe without history takes `fresh_factor` times as many.
-    bounce: share of the light of the last frame's probes that is reflected on, 1 for all.
-    max_ray_distance: rays end there and take the sky.
-    history_frames: a still probe is the mean of about so many frames.
-    settling_frames, settling_history, settling_growth: for so many frames after a change it is the mean of so
-    few, or of this share of the frames since.
-    clearance: probes keep this share of the spacing, at most `clearance_limit` metres, from all primitives
-    where they can; `smallest_clearance`, metres (None: twice the world's start margin), everywhere.
-    relocation: how far, in spacings, a probe may climb away from a primitive.
-    attraction: how far, in spacings, it may come down to one.
-    jump: a move by more spacings than this drops the history.
-    softness: radians; a probe that is seen past an edge within this angle counts less.
-    """
-
-    grid: ProbeGrid | None = None
-    probe_spacing: float | None = None
-    max_probes: int = 9856
-    rays_per_probe: int = 64
-    fresh_factor: int = 4
-    bounce: float = 1.0
-    max_ray_distance: float = 1e30
-    history_frames: float = 256.0
-    settling_frames: int = 64
-    settling_history: float = 4.0
-    settling_growth: float = 0.125
-    clearance: float = 0.06
-    clearance_limit: float = 0.25
-    smallest_clearance: float | None = None
-    relocation: float = 0.45
-    attraction: float = 0.7
-    jump: float = 0.1
-    softness: float = 0.02
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        check_rays(self.rays_per_probe)
-        if not 0 <= self.bounce <= 1:
-            raise ValueError(f"bounce is {self.bounce}; it must be between 0 and 1")
-        if min(self.history_frames, self.settling_history) < 1 or self.fresh_factor < 1:
-            raise ValueError("history_frames, settling_history and fresh_factor must be at least 1")
-
-
 class Sdfddgi:
     """The technique "sdfddgi"."""
 
@@ -124,9 +81,11 @@ class Sdfddgi:
                 f"{s.rays_per_probe} rays, {s.fresh_factor} times as many for a new probe, are more than the "
                 f"{RAYS_ON_SOFTWARE} that a software renderer follows in one frame: take fewer"
             )
-        self.grid = s.grid or ProbeGrid.around(world.bounds, s.probe_spacing, s.max_probes)
-        self.probes = IrradianceProbes(gpu, self.grid, world.origin, s.softness)
-        self._histories = Buffer(gpu, ProbeHistory.dtype.itemsize * len(self.grid), label="probe histories")
+        start, self.follows = self._lay_probes()
+        self._volume = ScrollingGrid(start)
+        self.count = len(start)
+        self.probes = IrradianceProbes(gpu, self.count, s.softness)
+        self._histories = Buffer(gpu, ProbeHistory.dtype.itemsize * (self.count + 1), label="probe histories")
         self._place_settings = Buffer(gpu, PlaceSettings.dtype.itemsize, "uniform", label="place settings")
         self._update_settings = Buffer(gpu, UpdateSettings.dtype.itemsize, "uniform", label="update settings")
         self._place = Kernel(gpu, "sdfddgi/place_probes")
@@ -137,14 +96,30 @@ class Sdfddgi:
         self._since_change = 0
         self.reset()
 
+    def _lay_probes(self) -> tuple[ProbeGrid, bool]:
+        """Where the probes stand at first, and whether they follow the viewer."""
+        s, (lower, upper) = self.settings, self.world.bounds
+        if s.grid is not None:
+            return s.grid, False
+        grid = ProbeGrid.around((lower, upper), s.probe_spacing, s.max_probes)
+        if s.volume is None or s.probe_spacing is None or grid.spacing == s.probe_spacing:
+            return grid, False
+        return ProbeGrid.about((lower + upper) / 2, s.probe_spacing, s.volume), True
+
+    @property
+    def grid(self) -> ProbeGrid:
+        """Where the probes stand now."""
+        return self._volume.grid
+
     def record(self, rec: Recorder, frame: FrameLight) -> None:
-        """Places the probes where the world changed, updates all of them, and publishes their maps."""
+        """Follows the viewer, places the probes that came in, or all where the world changed, updates them,
+        and publishes their maps."""
         self._write_settings(frame)
-        self._record_places(rec)
+        self._record_places(rec, frame.viewer)
         with rec.compute(self._update.name) as compute_pass:
             self._update.dispatch(
                 compute_pass,
-                workgroups(len(self.grid)),
+                workgroups(self.count + 1),
                 self.world.bindings(),
                 self.probes.lookup_bindings(),
                 frame.bindings,
@@ -155,11 +130,11 @@ class Sdfddgi:
         self._record_publishing(rec)
 
     def place(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """World positions (n, 3) of the probes as the primitives are now, and which are on (n,); waits for
-        the GPU."""
+        """World positions (n, 3) of the probes, by slot, as the primitives are now, and which are on (n,);
+        waits for the GPU."""
         rec = Recorder(self.gpu, label="place")
         self.world.record(rec)
-        self._record_places(rec)
+        self._record_places(rec, None)
         rec.submit()
         local, is_on = self.probes.read_records()
         return local + self.world.origin, is_on
@@ -167,24 +142,30 @@ class Sdfddgi:
     def fill(self, irradiance: ArrayLike) -> None:
         """Gives the probes, where they were placed last, other irradiance than they find: E, W/m2,
         (n, IRRADIANCE_SIZE^2, 3), for the directions `probes.texel_directions`."""
-        exact = np.ones((len(self.grid), IRRADIANCE_SIZE**2, 4), np.float32)
+        exact = np.ones((self.count, IRRADIANCE_SIZE**2, 4), np.float32)
         exact[..., :3] = irradiance
         self.probes.exact.write(exact)
         rec = Recorder(self.gpu, label="fill")
         self._record_publishing(rec)
         rec.submit()
 
-    def _record_places(self, rec: Recorder) -> None:
-        if self._placed_version == self.world.version:
+    def _record_places(self, rec: Recorder, viewer: ArrayLike | None) -> None:
+        has_moved = self._volume.follow(viewer if self.follows else None)
+        has_changed = self._placed_version != self.world.version
+        if not (has_moved or has_changed):
             return
         self._placed_version = self.world.version
+        self.probes.stand(self.grid, self._volume.turn, self.world.origin, follows=self.follows)
         s, spacing = self.settings, self.grid.spacing
         smallest = 2 * self.world.start_margin if s.smallest_clearance is None else s.smallest_clearance
+        kept_lower, kept_upper = self._volume.kept
         self._place_settings.write(
             PlaceSettings.pack(
-                lower=np.array(self.grid.lower) - self.world.origin,
-                spacing=spacing,
-                counts=np.array(self.grid.counts, np.uint32),
+                start=np.array(self._volume.start.lower) - self.world.origin,
+                world_has_changed=int(has_changed),
+                steps=self._volume.steps,
+                kept_lower=kept_lower,
+                kept_upper=kept_upper,
                 clearance=min(s.clearance * spacing, s.clearance_limit),
                 reach=s.relocation * spacing,
                 smallest_clearance=smallest,
@@ -195,8 +176,9 @@ class Sdfddgi:
         with rec.compute(self._place.name) as compute_pass:
             self._place.dispatch(
                 compute_pass,
-                self._place.groups_for(len(self.grid)),
+                self._place.groups_for(self.count),
                 self.world.bindings(),
+                {"probe_grid": self.probes.info},
                 settings=self._place_settings,
                 records=self.probes.records,
                 histories=self._histories,
@@ -206,7 +188,7 @@ class Sdfddgi:
         with rec.compute(self._publish.name) as compute_pass:
             self._publish.dispatch(
                 compute_pass,
-                workgroups(len(self.grid)),
+                workgroups(self.count + 1),
                 {"probe_grid": self.probes.info},
                 exact_irradiance=self.probes.exact,
                 records=self.probes.records,
@@ -219,7 +201,8 @@ class Sdfddgi:
     def reset(self) -> None:
         """Forgets all history: every probe starts anew with the next frame."""
         self.probes.clear()
-        self._histories.write(np.zeros(len(self.grid), ProbeHistory.dtype))
+        self._histories.write(np.zeros(self.count + 1, ProbeHistory.dtype))
+        self._volume.forget()
         self._placed_version = -1
         self._seen_versions = (-1, -1)
         self._since_change = 0
@@ -242,7 +225,7 @@ class Sdfddgi:
         settling_history = max(s.settling_history, s.settling_growth * self._since_change)
         self._update_settings.write(
             UpdateSettings.pack(
-                probe_count=len(self.grid),
+                probe_count=self.count,
                 batches=s.rays_per_probe // RAYS_AT_ONCE,
                 fresh_factor=s.fresh_factor,
                 frame=frame.index,

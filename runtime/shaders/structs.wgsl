@@ -106,12 +106,14 @@ struct RayHit {  // 64 bytes
     visibility: f32,  // 60
 }
 
-struct ProbeGridInfo {  // 48 bytes
+struct ProbeGridInfo {  // 64 bytes
     lower: vec3f,   // 0
     spacing: f32,   // 12
     counts: vec3u,  // 16
     columns: u32,   // 28
-    softness: f32,  // 32
+    turn: vec3u,    // 32
+    follows: u32,   // 44
+    softness: f32,  // 48
 }
 
 struct ProbeRecord {  // 64 bytes
@@ -121,15 +123,17 @@ struct ProbeRecord {  // 64 bytes
     blue: vec4f,      // 48
 }
 
-struct PlaceSettings {  // 48 bytes
-    lower: vec3f,             // 0
-    spacing: f32,             // 12
-    counts: vec3u,            // 16
-    clearance: f32,           // 28
-    reach: f32,               // 32
-    smallest_clearance: f32,  // 36
-    jump: f32,                // 40
-    attraction: f32,          // 44
+struct PlaceSettings {  // 80 bytes
+    start: vec3f,             // 0
+    world_has_changed: u32,   // 12
+    steps: vec3i,             // 16
+    kept_lower: vec3u,        // 32
+    kept_upper: vec3u,        // 48
+    clearance: f32,           // 60
+    reach: f32,               // 64
+    smallest_clearance: f32,  // 68
+    jump: f32,                // 72
+    attraction: f32,          // 76
 }
 
 struct UpdateSettings {  // 36 bytes

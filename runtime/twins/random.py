@@ -46,3 +46,16 @@ def spherical_fibonacci(index: UInt32, count: UInt32) -> Array:
     angle = 2 * PI * (turns - np.floor(turns))
     r = np.sqrt(np.maximum(1 - z * z, 0))
     return np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=1)
+
+
+def random_cosine_direction(normal: Array, u: Array) -> Array:
+    """Directions (n, 3) over surfaces with unit normals (n, 3), by the cosine to them, from uniform numbers
+    (n, 2); in the basis of Duff et al. 2017."""
+    x, y, z = normal.T
+    s = np.where(z >= 0, 1.0, -1.0)
+    a = -1 / (s + z)
+    tangent = np.stack([1 + s * x * x * a, s * x * y * a, -s * x], axis=1)
+    bitangent = np.stack([x * y * a, s + y * y * a, -y], axis=1)
+    angle, radius = 2 * PI * u[:, :1], np.sqrt(u[:, 1:])
+    over = normal * np.sqrt(np.maximum(1 - u[:, 1:], 0))
+    return tangent * radius * np.cos(angle) + bitangent * radius * np.sin(angle) + over

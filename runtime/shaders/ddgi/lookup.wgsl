@@ -2,9 +2,10 @@
 // cosine, so that probes behind the surface fade out, times the chance by Chebyshev's inequality that the probe sees the
 // point. Weights are never quite zero, so there is always an answer; where no probe sees the point, it is a leak.
 
-import package::ddgi::cascades::{cascade_cell, cascade_corner, cascade_probe, cascade_share, cascade_weight, ddgi};
+import package::ddgi::cascades::{cascade_cell, cascade_corner, cascade_probe, cascade_share, ddgi};
 import package::ddgi::states::{PROBE_ON};
 import package::lib::octahedral::{oct_tile_corner, oct_tile_position};
+import package::probes::cells::{cell_weight};
 import package::probes::maps::{DISTANCE_SIZE, IRRADIANCE_SIZE};
 
 // Position of each probe, and its state in w.
@@ -66,7 +67,7 @@ fn ddgi_cascade_irradiance(number: u32, position: vec3f, normal: vec3f, view: ve
         if weight < CRUSH_BELOW {
             weight *= weight * weight / (CRUSH_BELOW * CRUSH_BELOW);
         }
-        weight *= max(cascade_weight(cell, corner), SMALLEST_TRILINEAR);
+        weight *= max(cell_weight(cell, corner), SMALLEST_TRILINEAR);
         // Blended as square roots: between a bright and a dark probe the eye sees a straight line.
         let root = pow(ddgi_encoded_irradiance(index, normal), vec3f(0.5 * ddgi.gamma));
         total += weight * vec4f(root, 1.0);

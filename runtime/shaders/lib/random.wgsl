@@ -35,3 +35,17 @@ fn spherical_fibonacci(index: u32, count: u32) -> vec3f {
     let r = sqrt(max(1.0 - z * z, 0.0));
     return vec3f(r * cos(angle), r * sin(angle), z);
 }
+
+// A direction over a surface, by the cosine to its normal, from two uniform numbers; in an orthonormal basis without
+// branches (Duff et al. 2017).
+fn random_cosine_direction(normal: vec3f, u: vec2f) -> vec3f {
+    let angle = 2.0 * PI * u.x;
+    let radius = sqrt(u.y);
+    let s = select(-1.0, 1.0, normal.z >= 0.0);
+    let a = -1.0 / (s + normal.z);
+    let b = normal.x * normal.y * a;
+    let tangent = vec3f(1.0 + s * normal.x * normal.x * a, s * b, -s * normal.x);
+    let bitangent = vec3f(b, s + normal.y * normal.y * a, -normal.y);
+    let height = sqrt(max(1.0 - u.y, 0.0));
+    return normalize(tangent * (radius * cos(angle)) + bitangent * (radius * sin(angle)) + normal * height);
+}

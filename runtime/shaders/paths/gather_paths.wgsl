@@ -4,7 +4,7 @@
 
 import package::lib::brdf::{brdf_lambert};
 import package::lib::emitters::{emitter_density_along};
-import package::lib::random::{PI, random_hash, random_uniform};
+import package::lib::random::{PI, random_cosine_direction, random_hash, random_uniform};
 import package::lib::sky::{sky_radiance};
 import package::paths::emitters::{emitter_light};
 import package::paths::lamps::{lamps_irradiance};
@@ -30,19 +30,6 @@ const FARTHEST: f32 = 1e30;
 // Added to the number of a bounce for the random numbers of its draw of an emitter.
 const DRAW_KEY: u32 = 1024u;
 
-fn cosine_direction(normal: vec3f, u: vec2f) -> vec3f {
-    let angle = 2.0 * PI * u.x;
-    let radius = sqrt(u.y);
-    // An orthonormal basis without branches (Duff et al. 2017).
-    let s = select(-1.0, 1.0, normal.z >= 0.0);
-    let a = -1.0 / (s + normal.z);
-    let b = normal.x * normal.y * a;
-    let tangent = vec3f(1.0 + s * normal.x * normal.x * a, s * b, -s * normal.x);
-    let bitangent = vec3f(b, s + normal.y * normal.y * a, -normal.y);
-    let height = sqrt(max(1.0 - u.y, 0.0));
-    return normalize(tangent * (radius * cos(angle)) + bitangent * (radius * sin(angle)) + normal * height);
-}
-
 // Radiance of an emitter that is drawn, and not met by chance, for a surface with this normal: its mean over draws and
 // over cosine-weighted rays, weighted against each other, is that of the hemisphere.
 fn drawn_radiance(origin: vec3f, normal: vec3f, key: u32, bounce: u32) -> vec3f {
@@ -67,7 +54,7 @@ fn path_radiance(from_point: vec3f, from_normal: vec3f, key: u32) -> vec3f {
     var total = vec3f(0.0);
     for (var bounce = 0u; bounce < LAST_BOUNCE; bounce++) {
         let u = random_uniform(random_hash(vec3u(key, bounce, settings.seed)));
-        let direction = cosine_direction(normal, u.xy);
+        let direction = random_cosine_direction(normal, u.xy);
         total += throughput * drawn_radiance(origin, normal, key, bounce);
         let seen = sight_along(origin, direction, FARTHEST);
         if !seen.is_hit {

@@ -1,32 +1,34 @@
-// The grid that probes stand on, shared by every technique with probes.
+// The grid that probes stand on. It may follow the viewer: then its outermost cells fade into what lies beyond.
 
+import package::probes::cells::{ProbeCell, cell_around, cell_corner, cell_share, slot_at, slot_place};
 import package::structs::{ProbeGridInfo};
 
 @group(2) @binding(0) var<uniform> probe_grid: ProbeGridInfo;
 
-// The cell of eight probes around a point, and where in it the point is.
-struct ProbeCell {
-    base: vec3u,
-    fraction: vec3f,
-}
-
 fn probe_cell(position: vec3f) -> ProbeCell {
-    let last = vec3f(probe_grid.counts - 1u);
-    let place = clamp((position - probe_grid.lower) / probe_grid.spacing, vec3f(0.0), last);
-    let base = min(floor(place), max(last - 1.0, vec3f(0.0)));
-    return ProbeCell(vec3u(base), place - base);
+    return cell_around((position - probe_grid.lower) / probe_grid.spacing, probe_grid.counts);
 }
 
 fn probe_corner(cell: ProbeCell, corner: u32) -> vec3u {
-    return min(cell.base + (vec3u(corner, corner >> 1u, corner >> 2u) & vec3u(1u)), probe_grid.counts - 1u);
+    return cell_corner(cell, corner, probe_grid.counts);
 }
 
-fn probe_weight(cell: ProbeCell, corner: u32) -> f32 {
-    let is_far = ((vec3u(corner, corner >> 1u, corner >> 2u)) & vec3u(1u)) == vec3u(1u);
-    let w = select(1.0 - cell.fraction, cell.fraction, is_far);
-    return w.x * w.y * w.z;
-}
-
+// The probe at a place of the grid, and the place of one.
 fn probe_index(place: vec3u) -> u32 {
-    return place.x + probe_grid.counts.x * (place.y + probe_grid.counts.y * place.z);
+    return slot_at(place, probe_grid.turn, probe_grid.counts);
+}
+
+fn probe_place(index: u32) -> vec3u {
+    return slot_place(index, probe_grid.turn, probe_grid.counts);
+}
+
+// How many stand on the grid. The one after them stands nowhere: it sees the sky alone.
+fn probe_count() -> u32 {
+    return probe_grid.counts.x * probe_grid.counts.y * probe_grid.counts.z;
+}
+
+// Share of the grid's answer for a point; the rest is what `probe_sky_irradiance` makes of the sky.
+fn probe_share(position: vec3f) -> f32 {
+    let place = (position - probe_grid.lower) / probe_grid.spacing;
+    return select(1.0, cell_share(place, probe_grid.counts), probe_grid.follows != 0u);
 }

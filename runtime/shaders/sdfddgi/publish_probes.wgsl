@@ -6,8 +6,9 @@
 // what irradiance has; taken out first, that part is exact.
 
 import package::lib::octahedral::{oct_texel_direction, oct_tile_corner, oct_tile_source};
-import package::probes::grid::{probe_grid};
+import package::probes::grid::{probe_count, probe_grid};
 import package::probes::maps::{IRRADIANCE_SIZE, IRRADIANCE_TILE};
+import package::probes::states::{probe_is_placed};
 import package::structs::{ProbeRecord};
 
 @group(0) @binding(0) var<storage, read> exact_irradiance: array<vec4f>;
@@ -45,11 +46,7 @@ fn main(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let probe = group.x + group.y * groups.x;
-    let counts = probe_grid.counts;
-    if probe >= counts.x * counts.y * counts.z {
-        return;
-    }
-    if records[probe].position.w < 0.0 {
+    if probe > probe_count() || !probe_is_placed(records[probe].position.w) {
         return;
     }
     map[thread] = exact_irradiance[probe * THREADS + thread].rgb;

@@ -9,7 +9,9 @@ import package::lib::quaternion::{quat_rotate};
 import package::lib::random::{PI, random_hash, random_rotation, random_uniform, spherical_fibonacci};
 import package::lib::sky::{sky_radiance_within};
 import package::probes::emitters::{emission_is_drawn, probe_emission};
+import package::probes::grid::{probe_count};
 import package::probes::maps::{IRRADIANCE_SIZE};
+import package::probes::states::{probe_is_placed};
 import package::sdfddgi::lookup::{gi_irradiance_of_one, probe_records};
 import package::structs::{ProbeHistory, UpdateSettings};
 import package::tracer::sights::{sight_along};
@@ -46,8 +48,8 @@ var<workgroup> ray_radiance: array<vec3f, THREADS>;
 
 // Light that arrives at a probe along a ray: sky, or what the hit reflects of direct light and of the last frame's probes,
 // and what it emits where draws do not count that.
-fn incoming_radiance(origin: vec3f, direction: vec3f, solid_angle: f32, u: f32) -> vec3f {
-    let seen = sight_along(origin, direction, settings.reach);
+fn incoming_radiance(origin: vec3f, direction: vec3f, reach: f32, solid_angle: f32, u: f32) -> vec3f {
+    let seen = sight_along(origin, direction, reach);
     if !seen.is_hit {
         return sky_radiance_within(direction, solid_angle);
     }
@@ -96,13 +98,12 @@ fn main(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let probe = group.x + group.y * groups.x;
-    if probe >= settings.probe_count {
+    let position = probe_records[min(probe, probe_count())].position;
+    if probe > probe_count() || !probe_is_placed(position.w) {
         return;
     }
-    let position = probe_records[probe].position;
-    if position.w < 0.0 {
-        return;
-    }
+    // The last one sees the sky alone: its rays end where they start.
+    let reach = select(settings.reach, 0.0, probe == probe_count());
     let history = histories[probe];
     let batches = settings.batches * select(1u, settings.fresh_factor, history.frames == 0.0);
     let rays = batches * THREADS;
@@ -117,7 +118,7 @@ fn main(
         let key = settings.seed ^ ((ray + 1u) * 2654435761u);
         let u = random_uniform(random_hash(vec3u(probe, settings.frame, key))).x;
         ray_direction[thread] = direction;
-        ray_radiance[thread] = incoming_radiance(position.xyz, direction, 4.0 * PI / f32(rays), u);
+        ray_radiance[thread] = incoming_radiance(position.xyz, direction, reach, 4.0 * PI / f32(rays), u);
         workgroupBarrier();
         for (var i = 0u; i < THREADS; i++) {
             let cosine = max(dot(normal, ray_direction[i]), 0.0);
@@ -128,7 +129,7 @@ fn main(
         workgroupBarrier();
     }
     let turn = random_uniform(random_hash(vec3u(probe, settings.frame, settings.seed ^ DRAW_KEY)));
-    let drawn = probe_emission(position.xyz, normal, thread, settings.reach, turn);
+    let drawn = probe_emission(position.xyz, normal, thread, reach, turn);
     let next = advance(history, dot(total / f32(rays) + drawn.radiance, vec3f(0.2126, 0.7152, 0.0722)));
     let measured = gathered * (PI / cosines) + drawn.irradiance;
     let place = probe * THREADS + thread;
