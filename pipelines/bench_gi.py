@@ -19,6 +19,7 @@ from pipelines.documents import report_header, to_json_value, write_json, write_
 from pipelines.errors import UsageError
 from pipelines.gi_presets import write_presets
 from pipelines.matrix_sets import NamedSet, Wish, file_stem, obtain, wishes
+from pipelines.staging import Stage, stage
 from pipelines.studio import AS_IN_THE_FILE, LightingOptions, Studio
 from pipelines.worker import describe_error
 
@@ -45,20 +46,23 @@ FIT_SHARE, TRUTH_SHARE = 0.3, 0.3
 class GiBenchSettings:
     """What `bench gi` was asked for.
 
-    sets: of the one scene, beside fits with `budgets`. probes: numbers of them, at most; rays: of a probe in
-    a frame. cameras: names or numbers, as for `render`; without any, each file's first. size, timed_size:
-    pixels, of the pictures that are judged and of those that are timed.
+    sets: of the one scene, beside fits by `presets` and with `budgets`. probes: numbers of them, at most;
+    rays: of a probe in a frame. cameras: names or numbers, as for `render`; without any, each file's first.
+    views: a file of cameras, light and exposure for each scene, in their place: see `named_views`. size,
+    timed_size: pixels, of the pictures that are judged and of those that are timed.
     """
 
     files: tuple[Path, ...]
     output: Path
     truth: TruthSettings
     sets: tuple[Path, ...] = ()
+    presets: tuple[str, ...] = ()
     budgets: tuple[int, ...] = BUDGETS
     methods: tuple[str, ...] = METHODS_TRIED
     probes: tuple[int, ...] = PROBES
     rays: tuple[int, ...] = RAYS
     cameras: tuple[str, ...] = ()
+    views: Path | None = None
     lighting: LightingOptions = AS_IN_THE_FILE
     exposure: float = 0.0
     scale: float = 1.0
@@ -80,7 +84,15 @@ class GiBenchSettings:
 
     def wishes(self) -> list[Wish]:
         """The sets of a scene."""
-        return wishes(self.sets, (), self.budgets)
+        return wishes(self.sets, self.presets, self.budgets)
+
+    def stage(self, scene: Path) -> Stage:
+        """Cameras and light of a scene.
+
+        Raises:
+            UsageError: the file of views has none of the scene, or several under different light.
+        """
+        return stage(scene, self.views, Stage.of_options(self.cameras, self.lighting, self.exposure))
 
 
 def run(settings: GiBenchSettings, update: Update) -> dict[str, Any]:
@@ -115,9 +127,15 @@ def check(settings: GiBenchSettings) -> None:
     if "none" in settings.methods:
         raise UsageError("--gi none: light without GI is always in the report; leave it out")
     settings.lighting.check()
+    if settings.views and (settings.cameras or settings.lighting != AS_IN_THE_FILE or settings.exposure):
+        raise UsageError(
+            f"--views {settings.views}: it gives cameras, light and exposure; leave those options out"
+        )
+    for file in settings.files:
+        settings.stage(file)
     check_air(settings.air)
     if not settings.wishes():
-        raise UsageError("--budgets: give at least one budget, or a --set")
+        raise UsageError("--budgets: give at least one budget, a preset or a --set")
     if min(settings.probes) < 8:
         raise UsageError(f"--probes {min(settings.probes)}: one cell of a grid already has 8 probes")
     for rays in settings.rays:
@@ -167,8 +185,9 @@ class _Bench:
         settings = self.settings
         update("load", 0.0)
         loaded = gltf.load(file, scale=settings.scale)
-        camera = settings.cameras[0] if settings.cameras else None
-        studio = Studio.set_up(loaded, camera, settings.lighting, settings.size, settings.exposure)
+        stage = settings.stage(file)
+        first = stage.shots[0]
+        studio = Studio.set_up(loaded, first.camera, stage.lighting, settings.size, first.exposure)
         self.report |= {
             "adapter": studio.gpu.adapter_summary,
             "software_adapter": studio.gpu.is_software,
@@ -178,8 +197,9 @@ class _Bench:
         for _, named in sets:
             if named.air is not None:
                 studio = studio.moved_inside(named.air)
-        bench = SceneBench(settings, studio, _within(update, FIT_SHARE, TRUTH_SHARE))
+        bench = SceneBench(settings, stage, studio, _within(update, FIT_SHARE, TRUTH_SHARE))
         scene["views"] = [shot.describe() for shot in bench.shots]
+        scene["notes"] = bench.notes()
         jobs = [
             (*each, tuple(variants(settings, largest=number == len(sets))))
             for number, each in enumerate(sets, 1)
@@ -187,7 +207,7 @@ class _Bench:
         steps = _Steps(_within(update, FIT_SHARE + TRUTH_SHARE), sum(len(job[2]) + 1 for job in jobs))
         results = Results(scene, bench, self.pictures)
         for wish, named, found in jobs:
-            budget = wish.budget or len(named.primitives)
+            budget = wish.limit or len(named.primitives)
             results.add_set(named, steps.next(f"{named.name}: "))
             for number, variant in enumerate(found, 1):
                 results.add_run(named, budget, variant, steps.next(f"{named.name}, {variant.name}: "))

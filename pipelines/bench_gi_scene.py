@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pipelines.console import Update
 from pipelines.matrix_sets import NamedSet
 from pipelines.methods import find_method, sees_mesh
+from pipelines.staging import Stage, StagedShot
 from pipelines.studio import Studio
 from pipelines.views import choose_view
 
@@ -27,6 +28,9 @@ NOT_GI = ("primary/", "direct/", "composite/combine_light", "composite/tone_map"
 
 LOOKUP = "composite/gather_irradiance"
 """The pass that asks the probes, for every pixel; all other passes of GI bring the probes up to date."""
+
+NOISY = 0.1
+"""Mean absolute noise of a truth, a share of its mean, above which relMSE is a matter of chance."""
 
 WARM_UP = 8
 """Frames before the timed ones: shadow maps are drawn, and new probes take more rays than later."""
@@ -96,15 +100,31 @@ class Lit:
     notes: tuple[str, ...]
 
 
+def _noise_note(shot: Shot) -> str | None:
+    noise = shot.judge.mesh.noise
+    if noise <= NOISY:
+        return None
+    return (
+        f"{shot.name}: {shot.judge.mesh.samples} paths a point leave {noise:.0%} of noise in the truth. It "
+        "is subtracted from all errors, but relMSE divides by each point's own truth, noise and all: go by "
+        "the ratios of means, or take more --samples"
+    )
+
+
 class SceneBench:
     """One scene in all its views; sets and ways to light it are held against it."""
 
-    def __init__(self, settings: GiBenchSettings, studio: Studio, update: Update) -> None:
+    def __init__(self, settings: GiBenchSettings, stage: Stage, studio: Studio, update: Update) -> None:
         self.settings = settings
+        share = TRUTH_SHARE / len(stage.shots)
         self.shots = [
-            Shot(name, each, _judge(settings, each, update, number))
-            for number, (name, each) in enumerate(_studios(settings, studio))
+            Shot(shot.name, each, _judge(settings, each, update, number * share, share))
+            for number, (shot, each) in enumerate(_studios(stage, studio))
         ]
+
+    def notes(self) -> list[str]:
+        """What to know of the truth: which engine measured it, and where it is too noisy for relMSE."""
+        return [*self.shots[0].judge.truth.notes(), *filter(None, map(_noise_note, self.shots))]
 
     def truths_of(self, primitives: PrimitiveSet, update: Update) -> dict[str, SetTruth]:
         """The path-traced set, in each view."""
@@ -171,23 +191,18 @@ class SceneBench:
         return passes, 1000 * seconds / (self.settings.timed_frames * len(found))
 
 
-def _studios(settings: GiBenchSettings, studio: Studio) -> Iterator[tuple[str, Studio]]:
-    """The studio with each camera that was asked for, else as it is."""
-    if not settings.cameras:
-        yield "view", studio
-    for number, camera in enumerate(settings.cameras):
-        width, height = settings.size
-        name = camera if "," not in camera else f"view {number + 1}"
-        yield name, replace(studio, view=choose_view(camera, studio.scene, width / height))
+def _studios(stage: Stage, studio: Studio) -> Iterator[tuple[StagedShot, Studio]]:
+    """The studio with each camera that was asked for, else with its own."""
+    width, height = studio.size
+    for shot in stage.shots:
+        view = studio.view if shot.camera is None else choose_view(shot.camera, studio.scene, width / height)
+        yield shot, replace(studio, view=view, exposure=shot.exposure)
 
 
-def _judge(settings: GiBenchSettings, studio: Studio, update: Update, number: int) -> Judge:
+def _judge(settings: GiBenchSettings, studio: Studio, update: Update, start: float, share: float) -> Judge:
     from pipelines.gi_errors import Judge
 
-    share = TRUTH_SHARE / max(len(settings.cameras), 1)
-    return Judge.of(
-        studio, settings.truth, lambda text, part: update(text, share * (number + part))
-    )  # fmt: skip
+    return Judge.of(studio, settings.truth, lambda text, part: update(text, start + share * part))
 
 
 def _errors(
@@ -230,7 +245,7 @@ def pass_costs(passes: dict[str, float | None], wall_ms: float | None) -> dict[s
 
 
 def _figures(views: dict[str, dict[str, Any]]) -> dict[str, float | None]:
-    """Means over the views: ratios of means, relMSE, FLIP and the size of the bias."""
+    """Means over the views: ratios of means, relMSE whole and trimmed, FLIP and the bias."""
 
     def ratios(kind: str) -> list[float | None]:
         return [None if view[kind] is None else view[kind]["irradiance"]["ratio"] for view in views.values()]
@@ -239,6 +254,7 @@ def _figures(views: dict[str, dict[str, Any]]) -> dict[str, float | None]:
     return {
         **{kind: _mean(ratios(kind)) for kind in ("fit", "solver", "total")},
         "total_rel_mse": _mean([total["irradiance"]["rel_mse"] for total in totals]),
+        "total_trimmed": _mean([total["irradiance"]["trimmed"] for total in totals]),
         "flip": _mean([total["flip"] for total in totals]),
         "bias": _mean([total["bias"] for total in totals]),
     }

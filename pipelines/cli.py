@@ -485,6 +485,7 @@ def bench_light(
     *files: Path,
     output: Annotated[Path, Output],
     set_: Annotated[list[Path] | None, Parameter(name="--set", negative="")] = None,
+    presets: str | None = None,
     budgets: str | None = None,
     gi: str = ",".join(bench_gi.METHODS_TRIED),
     probes: str = ",".join(map(str, bench_gi.PROBES)),
@@ -493,6 +494,7 @@ def bench_light(
     samples: int = 256,
     noise: float | None = None,
     camera: Annotated[list[str] | None, Numbers, Parameter(negative="")] = None,
+    views: Path | None = None,
     sun: Annotated[str | None, Numbers] = None,
     sky: Annotated[str | None, Numbers] = None,
     lights: Literal["file"] | None = None,
@@ -519,8 +521,11 @@ def bench_light(
         Folder for the results; it is made where it is missing.
     set_
         A set of primitives of the one scene. May be given several times.
+    presets
+        Fits to light through: coarse, fine, or coarse,fine.
     budgets
-        Fits to light through, by numbers of primitives; 8,32,128,512 by default, none beside --set.
+        Fits to light through, by numbers of primitives; 8,32,128,512 by default, none beside --set and
+        --presets.
     gi
         Ways to light, with commas between them. Those that see the mesh only light the largest set.
     probes
@@ -535,6 +540,9 @@ def bench_light(
         End a path tracing once its mean absolute noise is this share of the mean, such as 0.02.
     camera
         As for render. May be given several times: errors and times are means over all.
+    views
+        A file of cameras, light and exposure for each scene, like the program's own assets/views.toml, in
+        the place of --camera, --sun, --sky and --exposure.
     sun
         As for render.
     sky
@@ -569,11 +577,17 @@ def bench_light(
         output,
         TruthSettings(truth, samples, noise, seed),
         sets=tuple(set_ or ()),
-        budgets=parse_budgets("--budgets", budgets) if budgets else () if set_ else bench_gi.BUDGETS,
+        presets=parse_names("--presets", presets, compare.PRESETS) if presets else (),
+        budgets=parse_budgets("--budgets", budgets)
+        if budgets
+        else ()
+        if set_ or presets
+        else bench_gi.BUDGETS,
         methods=parse_names("--gi", gi, METHODS),
         probes=parse_budgets("--probes", probes),
         rays=parse_budgets("--rays", rays),
         cameras=tuple(camera or ()),
+        views=views,
         lighting=render.LightingOptions(sun, sky, lights == "file"),
         exposure=exposure,
         scale=scale,

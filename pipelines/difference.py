@@ -14,20 +14,25 @@ Halves = tuple[ArrayLike, ArrayLike]
 PIXELS_PER_DEGREE = 67.0
 """FLIP's distance of the viewer."""
 
+TRIMMED = 0.01
+"""Share of the points that `trimmed` leaves out."""
+
 RELATIVE_FLOOR = 0.01
 """Share of the reference's mean that keeps dark places from deciding relMSE alone."""
 
 
 @dataclass(frozen=True)
 class RelativeError:
-    """relMSE, the means of its numerator and denominator, its standard error over the points, and the ratio
-    of the two means, which noise in dark places moves far less."""
+    """relMSE, the means of its numerator and denominator, its standard error over the points, the ratio of
+    the two means, which noise in dark places moves far less, and `trimmed`: relMSE without the hundredth of
+    the points that count most in it, which in pictures with black corners hold nearly all of it."""
 
     rel_mse: float
     numerator: float
     denominator: float
     standard_error: float
     ratio: float
+    trimmed: float
 
 
 def flip(reference: UInt8, picture: UInt8) -> tuple[float, UInt8]:
@@ -76,7 +81,8 @@ def relative_square(differences: Halves, reference: Halves) -> RelativeError:
     level = float(a.mean() + b.mean()) / 2 if a.size else 0.0
     if level == 0:
         error = float("inf") if square.any() else 0.0
-        return RelativeError(error, float(square.mean()) if square.size else 0.0, 0.0, 0.0, error)
+        numerator = float(square.mean()) if square.size else 0.0
+        return RelativeError(error, numerator, 0.0, 0.0, error, error)
     denominator = a * b + (RELATIVE_FLOOR * level) ** 2
     each = (square / denominator).reshape(-1, 3).mean(axis=1)
     return RelativeError(
@@ -85,4 +91,11 @@ def relative_square(differences: Halves, reference: Halves) -> RelativeError:
         float(denominator.mean()),
         float(each.std() / np.sqrt(len(each))),
         float(square.mean() / denominator.mean()),
+        _trimmed_mean(each),
     )
+
+
+def _trimmed_mean(values: NDArray[np.float64]) -> float:
+    """Without those farthest from 0, on either side: noise has no sign."""
+    kept = np.argsort(np.abs(values), kind="stable")[: len(values) - int(TRIMMED * len(values))]
+    return float(values[kept].mean())

@@ -201,7 +201,7 @@ class _Bench:
         self._columns = settings.columns()
         self._steps = len(settings.wishes()) * (len(self._columns) + 1)
         self.pictures: dict[str, Any] = {}
-        self.notes: list[str] = []
+        self.notes: list[str] = list(judge.truth.notes())
 
     def row(self, number: int, named: NamedSet) -> dict[str, Any]:
         """A set's keys: what it is, its fit error, and a cell for each column."""
@@ -239,7 +239,7 @@ class _Bench:
         if figures.standard_error > CERTAIN * abs(figures.rel_mse):
             self.notes.append(
                 f"{name} relMSE {figures.rel_mse:.3g} is uncertain by {figures.standard_error:.2g}, because "
-                "the truth is noisy: take more --samples, or compare the ratios of means"
+                "the truth is noisy or black there: take more --samples, or compare the ratios of means"
             )
 
     def _floor(self, truth: SetTruth, column: Column, update: Update) -> Estimate | None:

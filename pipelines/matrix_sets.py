@@ -32,6 +32,13 @@ class Wish:
     preset: str | None = None
     budget: int | None = None
 
+    @property
+    def limit(self) -> int | None:
+        """Primitives at most; None for a file."""
+        from fit.settings import PRESETS
+
+        return PRESETS[self.preset][0] if self.preset else self.budget
+
 
 @dataclass(frozen=True)
 class NamedSet:

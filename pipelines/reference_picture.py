@@ -60,7 +60,7 @@ def _by_mitsuba(
     if "irradiance" in views:
         pixels = Pixels.of(studio)
         layers["irradiance"] = pixels.image(_irradiance(studio, truth, pixels, progress).value)
-    result = _result(studio, views, layers, picture.notes)
+    result = _result(studio, views, layers, (*truth.notes(), *picture.notes))
     return ReferencePicture(result, picture.beauty.samples, picture.beauty.noise)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,7 +36,8 @@ class View:
 
 @dataclass(frozen=True)
 class NamedView:
-    """One table of `assets/views.toml`: option values for a scene of the documentation."""
+    """One table of a file of views such as `assets/views.toml`: values of the options of a picture. Without
+    `sun` and `sky` the scene's own lights are on."""
 
     camera: str
     sun: str | None = None
@@ -44,10 +45,24 @@ class NamedView:
     exposure: float = 0.0
 
 
-def named_views(scene_file: Path) -> dict[str, NamedView]:
-    """The views of `assets/views.toml` for scene files with this stem."""
-    tables = tomllib.loads(bundled_file("views.toml").read_text(encoding="utf-8"))
-    return {name: NamedView(**values) for name, values in tables.get(scene_file.stem, {}).items()}
+def named_views(scene_file: Path, file: Path | None = None) -> dict[str, NamedView]:
+    """The views of a file, of `assets/views.toml` by default, for scene files with this stem.
+
+    Raises:
+        UsageError: the file cannot be read, or a table of the scene is no view.
+    """
+    path = file or bundled_file("views.toml")
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8")).get(scene_file.stem, {})
+    except (OSError, ValueError) as error:
+        raise UsageError(f"--views {path}: this is no file of views: {error}") from None
+    try:
+        return {name: NamedView(**values) for name, values in tables.items()}
+    except (TypeError, AttributeError):
+        keys = ", ".join(field.name for field in fields(NamedView))
+        raise UsageError(
+            f"--views {path}: a table [{scene_file.stem}.NAME] needs camera, and may have no keys but {keys}"
+        ) from None
 
 
 def choose_view(option: str | None, scene: Scene, aspect: float, air: Air | None = None) -> View:

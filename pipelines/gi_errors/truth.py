@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fit.primitives import PrimitiveSet
 from fit.scene import Camera, Float64, Scene
 from pipelines.reference import mesh_reference, primitive_reference
-from pipelines.reference.mitsuba import load_mitsuba
+from pipelines.reference.mitsuba import engine_notes, load_mitsuba
 from pipelines.reference.store import cached, digest, estimate_arrays, estimate_of
 from pipelines.reference.triangulate import triangulate
 from pipelines.reference.truth import Picture
@@ -69,6 +69,14 @@ class Truth:
     gpu: Gpu
     illumination: Illumination
     settings: TruthSettings
+
+    def notes(self) -> tuple[str, ...]:
+        """What to know of the path tracer itself.
+
+        Raises:
+            MissingMitsuba: it is asked for and not installed.
+        """
+        return engine_notes(load_mitsuba()) if self.settings.engine == "reference" else ()
 
     def of_mesh(
         self, scene: Scene, points: Float64, normals: Float64, progress: Progress | None = None

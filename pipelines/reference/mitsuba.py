@@ -54,6 +54,17 @@ def is_vectorized(mi: Any) -> bool:
     return not mi.variant().startswith("scalar")
 
 
+def engine_notes(mi: Any) -> tuple[str, ...]:
+    """How to make Mitsuba faster, where it is slow for want of a library."""
+    if is_vectorized(mi):
+        return ()
+    oldest, newest = min(LLVM_VERSIONS), max(LLVM_VERSIONS)
+    return (
+        f"Mitsuba runs as {mi.variant()}, many times slower than it could: install LLVM {oldest} to {newest} "
+        f"(on Debian and Ubuntu: apt-get install libllvm19), or name its library in {LLVM_PATH}",
+    )
+
+
 def _best_variant() -> str:
     """Tried in a process of its own: an LLVM that does not suit aborts the one that loads it."""
     if LLVM_PATH not in os.environ and (library := _find_llvm()):

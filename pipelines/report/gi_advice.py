@@ -22,6 +22,7 @@ def advice_lines(report: Report) -> list[str]:
         return ["No setting can be advised: no run tells both its time and its error."]
     chosen, best, fast = (presets[name] for name in ("balanced", "best", "fast"))
     lines = [f"Take balanced: {describe(chosen)}.", f"{costs(chosen, report)}; {errors(chosen)}."]
+    lines += through_primitives(chosen, report)
     if best is chosen or describe(best) == describe(chosen):
         lines.append("Nothing is lost: no setting tried has less error.")
     else:
@@ -29,6 +30,19 @@ def advice_lines(report: Report) -> list[str]:
     if describe(fast) != describe(chosen):
         lines.append(f"Fast ({describe(fast)}) loses more: {lost(fast, chosen)}.")
     return lines
+
+
+def through_primitives(chosen: Report, report: Report) -> list[str]:
+    """What is best without tracing the mesh, where the advice is a method that does."""
+    rows = [row for row in report["tried"] if row["fit"] is not None and row["method"] != "none"]
+    rows = [row for row in rows if row["total"] is not None]
+    if chosen["fit"] is not None or not rows:
+        return []
+    least = min(rows, key=lambda row: float(row["total"]))
+    return [
+        f"Through primitives alone, with no mesh to trace, take {describe(least)}: {errors(least)}, for "
+        f"{short_number(least['gi_ms'])} ms."
+    ]
 
 
 def describe(row: Report) -> str:

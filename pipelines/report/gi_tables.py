@@ -36,6 +36,7 @@ def all_runs(report: Report, scene: Report) -> str:
         "solver",
         "total",
         "relMSE",
+        "of 99 %",
         "bias",
         "FLIP",
     ]
@@ -45,11 +46,27 @@ def all_runs(report: Report, scene: Report) -> str:
             *(short_number(run[key]) for key in ("gi_ms", "update_ms", "lookup_ms", "frame_ms")),
             *(percent(run[key]) for key in ("fit", "solver", "total")),
             short_number(run["total_rel_mse"]),
+            short_number(run["total_trimmed"]),
             _signed(run["bias"]),
             short_number(run["flip"]),
         ]
         rows.append([title_of(report, run), f"{run['primitives']} in the set", *figures])
     return f"<h3>Every setting</h3>{table(headers, rows)}"
+
+
+def by_scene(report: Report) -> str:
+    """Total error of every setting in each scene: the means hide what a scene does to a setting."""
+    scenes = [scene for scene in report["scenes"] if scene["runs"]]
+    headers = ["setting", *(escape(scene["name"]) for scene in scenes)]
+    found: dict[str, dict[str, float | None]] = {}
+    for scene in scenes:
+        for run in scene["runs"]:
+            found.setdefault(title_of(report, run), {})[scene["name"]] = run["total"]
+    rows = [
+        [title, "", *(percent(totals.get(scene["name"])) for scene in scenes)]
+        for title, totals in found.items()
+    ]
+    return f"<h2>Total error in each scene</h2>{table(headers, rows)}"
 
 
 def passes(report: Report, scene: Report) -> str:
@@ -95,7 +112,7 @@ def sets(scene: Report) -> str:
 
 def errors_in_full(scene: Report) -> str:
     """Every error of every run in every view, and where the light is too bright or too dark."""
-    headers = ["setting", "error", "relMSE", "+-", "ratio", "numerator", "denominator", "bias"]
+    headers = ["setting", "error", "relMSE", "+-", "of 99 %", "ratio", "numerator", "denominator", "bias"]
     headers += ["FLIP", "floor", "PSNR, dB", "floor"]
     rows, places = [], []
     names = list(scene["runs"][0]["views"][scene["views"][0]["name"]]["total"]["regions"])
@@ -103,7 +120,7 @@ def errors_in_full(scene: Report) -> str:
         for view, found in run["views"].items():
             for kind in ("solver", "total"):
                 error = found[kind]
-                keys = ("rel_mse", "standard_error", "ratio", "numerator", "denominator")
+                keys = ("rel_mse", "standard_error", "trimmed", "ratio", "numerator", "denominator")
                 sums = [short_number(error["irradiance"][key]) for key in keys]
                 rest = [short_number(error[key]) for key in ("flip", "flip_floor", "psnr", "psnr_floor")]
                 rows.append([describe(run), view, kind, *sums, _signed(error["bias"]), *rest])

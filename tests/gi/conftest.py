@@ -24,6 +24,7 @@ from runtime.sdfddgi import SdfddgiSettings
 from runtime.settings import ShadowSettings
 from runtime.sky import Sky, SkyMap
 from runtime.technique import FrameLight, Gather
+from runtime.tracer import Tracer
 from runtime.world import World, WorldSettings
 
 WITH_LIGHT = [name for name in techniques.TECHNIQUES if name != "none"]
@@ -227,3 +228,17 @@ def grid_over():
         return ProbeGrid((x, y, z), spacing, (count, count, count))
 
     return make
+
+
+@pytest.fixture(scope="session")
+def surface_points(gpu: Gpu):
+    """Points (n, 3) and normals (n, 3) where random rays through a box of a world's air meet its surfaces."""
+
+    def sample(world: World, air: tuple[Any, Any], count: int) -> tuple[np.ndarray, np.ndarray]:
+        rng = np.random.default_rng(0)
+        starts, ways = rng.uniform(*air, (4 * count, 3)), rng.normal(size=(4 * count, 3))
+        hits = Tracer(gpu, world).trace(starts, ways / np.linalg.norm(ways, axis=1, keepdims=True))
+        rows = np.flatnonzero((hits.primitive >= 0) & (hits.t > 1e-3))[:count]
+        return hits.position[rows], hits.normal[rows].astype(np.float64)
+
+    return sample

@@ -18,7 +18,6 @@ from runtime.estimate import Estimate
 from runtime.lights import choose_illumination
 from runtime.probes import ProbeGrid
 from runtime.sdfddgi import SdfddgiSettings
-from runtime.tracer import Tracer
 from runtime.world import World
 
 AIR = {"cornell": ((-1.0, 0.0, -1.0), (1.0, 2.0, 1.0)), "two_rooms": ((-3.05, 0.0, -1.5), (3.05, 2.6, 1.5))}
@@ -56,7 +55,7 @@ class Measured:
 
 
 @pytest.fixture
-def measure(gpu, bundled_assets, make_stage):
+def measure(gpu, bundled_assets, make_stage, surface_points):
     """Truth, floor and two runs of SDFDDGI at points that random rays through a stage's air meet."""
     pytest.importorskip("mitsuba", reason="Mitsuba is not installed: pip install 'sdfprim[reference]'")
     from pipelines.reference import primitive_reference
@@ -68,7 +67,7 @@ def measure(gpu, bundled_assets, make_stage):
         primitives = read(bundled_assets / f"{name}.npz")
         light = choose_illumination(gltf.load(bundled_assets / f"{name}.glb"))
         world = World(gpu, None, primitives)
-        points, normals = _surface_points(Tracer(gpu, world), AIR[name], count)
+        points, normals = surface_points(world, AIR[name], count)
         reference = primitive_reference(primitives, light)
         truth = reference.irradiance(points, normals, samples=4 * samples)
         grid = ProbeGrid.around(AIR[name], spacing)
@@ -92,14 +91,6 @@ def measure(gpu, bundled_assets, make_stage):
         return Measured(truth, floor, (runs[0], runs[1]))
 
     return run
-
-
-def _surface_points(tracer: Tracer, air, count: int):
-    rng = np.random.default_rng(0)
-    starts, ways = rng.uniform(*air, (4 * count, 3)), rng.normal(size=(4 * count, 3))
-    hits = tracer.trace(starts, ways / np.linalg.norm(ways, axis=1, keepdims=True))
-    rows = np.flatnonzero((hits.primitive >= 0) & (hits.t > 1e-3))[:count]
-    return hits.position[rows], hits.normal[rows].astype(np.float64)
 
 
 def test_the_solver_adds_little_to_what_probes_cannot_represent(measure):

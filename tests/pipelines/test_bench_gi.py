@@ -176,6 +176,9 @@ def test_what_failed_is_on_the_page(benched: tuple[dict[str, Any], Path]) -> Non
         (("--samples", 1), "--samples 1"),
         (("--set", "nothing.npz"), "nothing.npz"),
         (("--timed-frames", 0), "--timed-frames 0"),
+        (("--views", "nothing.toml"), "nothing.toml"),
+        (("--views", "nothing.toml", "--sky", "1,1,1"), "leave those options out"),
+        (("--presets", "finest"), "finest"),
     ],
 )
 def test_wrong_usage(

@@ -13,6 +13,7 @@ from pipelines.bench_gi_summary import choose, preset_of, settings_of
 from pipelines.errors import UsageError
 from pipelines.gi_presets import QUALITIES, GiPreset, find_preset, write_presets
 from pipelines.methods import METHODS, SOFTWARE_PROBES, technique_settings
+from pipelines.report.gi_advice import through_primitives
 
 
 def run(budget: int, milliseconds: float | None, total: float, **changes: Any) -> dict[str, Any]:
@@ -20,7 +21,8 @@ def run(budget: int, milliseconds: float | None, total: float, **changes: Any) -
     found = {
         "set": f"at most {budget}", "max_primitives": budget, "method": "sdfddgi", "max_probes": 1000,
         "rays_per_probe": 64, "gi_ms": milliseconds, "update_ms": 1.0, "lookup_ms": 1.0, "frame_ms": 9.0,
-        "fit": 0.01, "solver": 0.01, "total": total, "total_rel_mse": total, "flip": total,
+        "fit": 0.01, "solver": 0.01, "total": total, "total_rel_mse": total, "total_trimmed": total,
+        "flip": total,
     }  # fmt: skip
     return found | changes
 
@@ -101,3 +103,12 @@ def test_the_program_brings_presets_that_its_techniques_take(name: str) -> None:
     assert settings.max_probes == preset.max_probes
     assert settings.rays_per_probe == preset.rays_per_probe
     assert preset.technique_options(software=True)["max_probes"] <= SOFTWARE_PROBES
+
+
+def test_a_method_that_sees_the_mesh_is_not_the_only_advice() -> None:
+    mesh = run(100, 1.0, 0.1, fit=None, method="ddgi-triangles")
+    tried = [mesh, run(48, 2.0, 0.3), run(192, 3.0, 0.2), run(192, 0.1, 0.01, method="none")]
+    (line,) = through_primitives(mesh, {"tried": tried})
+    assert line.startswith("Through primitives alone, with no mesh to trace, take sdfddgi, 192 primitives")
+    assert "for 3 ms" in line
+    assert through_primitives(tried[1], {"tried": tried}) == []

@@ -132,6 +132,16 @@ def test_noise_adds_nothing_to_the_relative_error() -> None:
     assert off.ratio == off.numerator / off.denominator == pytest.approx(0.01, abs=0.002)
 
 
+def test_a_few_black_points_do_not_hold_the_trimmed_error() -> None:
+    truth = np.full((1000, 3), 1.0)
+    truth[:5] = 0
+    off = relative_error(twice(np.full((1000, 3), 1.1)), twice(truth))
+    assert off.rel_mse > 10
+    assert off.trimmed == pytest.approx(0.01, rel=0.02)
+    noise = np.random.default_rng(0).normal(size=(1000, 3))
+    assert relative_error((truth + noise, truth - noise), twice(truth)).trimmed < 0
+
+
 def test_psnr_of_known_pictures() -> None:
     picture = np.full((4, 4, 3), 100, np.uint8)
     shown = np.ones((4, 4), bool)

@@ -1,6 +1,7 @@
 """The reference against what is known in closed form, against our own path tracer, and against itself."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ pytest.importorskip("mitsuba", reason="Mitsuba is not installed: pip install 'sd
 pytest.importorskip("platformdirs", reason="platformdirs is not installed: pip install 'sdfprim[reference]'")
 
 from pipelines.reference import mesh_reference, primitive_reference
+from pipelines.reference.mitsuba import engine_notes
 from pipelines.reference.store import FOLDER, cached, digest
 
 DARK = Illumination()
@@ -279,6 +281,13 @@ def test_vertex_colours_are_multiplied_by_the_factor():
     picture = reference.picture(straight_on(), (4, 4), samples=2)
     np.testing.assert_allclose(picture.direct[2, 2], (0.25, 0.4, 0.25), rtol=1e-3)
     assert reference.notes == ()
+
+
+@pytest.mark.parametrize(("variant", "words"), [("llvm_ad_rgb", ""), ("scalar_rgb", "libllvm19")])
+def test_a_slow_variant_says_how_to_get_a_fast_one(variant, words):
+    notes = engine_notes(SimpleNamespace(variant=lambda: variant))
+    assert bool(notes) == bool(words)
+    assert all(words in note and "DRJIT_LIBLLVM_PATH" in note for note in notes)
 
 
 def test_what_mitsuba_cannot_say_of_textures_is_noted():
