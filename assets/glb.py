@@ -25,6 +25,7 @@ class Glb:
         self._binary = bytearray()
         self._extensions: set[str] = set()
         self._lights: list[dict[str, Any]] = []
+        self._splines: dict[tuple[bytes, bytes], int] = {}
         self._json: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": "sdfprim assets/generate.py"},
             "scene": 0,
@@ -74,21 +75,56 @@ class Glb:
     ) -> None:
         """A mesh, drawn once as it is, or once at each of `places`; texture coordinates are metres divided
         by `tile`."""
-        attributes = {
-            "POSITION": self._accessor(shape.positions, bounds=True),
-            "NORMAL": self._accessor(shape.normals),
-            "TEXCOORD_0": self._accessor(shape.texcoords / tile),
-        }
-        primitive = {
-            "attributes": attributes,
-            "indices": self._indices(shape.triangles),
-            "material": material,
-        }
-        mesh = self._append("meshes", {"name": name, "primitives": [primitive]})
+        mesh = self.mesh(name, [(material, shape)], tile)
         if not places:
             self._root({"name": name, "mesh": mesh})
         for number, place in enumerate(places):
             self._root({"name": f"{name} {number}", "mesh": mesh, "translation": list(map(float, place))})
+
+    def mesh(self, name: str, parts: Sequence[tuple[int, Shape]], tile: float = 1.0) -> int:
+        """A mesh of parts, each of one material, that nothing draws yet; its index."""
+        primitives = []
+        for material, shape in parts:
+            attributes = {
+                "POSITION": self._accessor(shape.positions, bounds=True),
+                "NORMAL": self._accessor(shape.normals),
+                "TEXCOORD_0": self._accessor(shape.texcoords / tile),
+            }
+            primitives.append(
+                {"attributes": attributes, "indices": self._indices(shape.triangles), "material": material}
+            )
+        return self._append("meshes", {"name": name, "primitives": primitives})
+
+    def carried(self, name: str, mesh: int, place: Sequence[float], rest: Sequence[float]) -> int:
+        """A node that draws a mesh and rests at `rest` within a root node at `place`; its index."""
+        child = self._append("nodes", {"name": name, "mesh": mesh, "translation": list(map(float, rest))})
+        self._root({"name": f"{name}, place", "translation": list(map(float, place)), "children": [child]})
+        return child
+
+    def instances(self, name: str, mesh: int, places: ArrayLike, rotations: ArrayLike) -> None:
+        """A mesh at many places (n, 3), turned by quaternions (n, 4) xyzw, as GPU instances of one node."""
+        attributes = {
+            "TRANSLATION": self._accessor(np.asarray(places, float)),
+            "ROTATION": self._accessor(np.asarray(rotations, float)),
+        }
+        self._extensions.add("EXT_mesh_gpu_instancing")
+        extension = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
+        self._root({"name": name, "mesh": mesh, "extensions": extension})
+
+    def spline(self, node: int, times: NDArray[np.float64], keys: NDArray[np.float64]) -> None:
+        """Moves a node's translation along a spline: times (k,), keys (k, 3, 3), in-tangent, value and
+        out-tangent. Equal splines are stored once."""
+        if "animations" not in self._json:
+            self._append("animations", {"name": "all", "channels": [], "samplers": []})
+        animation = self._json["animations"][0]
+        key = (times.tobytes(), keys.tobytes())
+        if key not in self._splines:
+            self._splines[key] = len(animation["samplers"])
+            clock = self._accessor(times[:, None], bounds=True)
+            values = self._accessor(keys.reshape(-1, 3))
+            animation["samplers"].append({"input": clock, "output": values, "interpolation": "CUBICSPLINE"})
+        target = {"node": node, "path": "translation"}
+        animation["channels"].append({"sampler": self._splines[key], "target": target})
 
     def sun(self, name: str, towards: Sequence[float], irradiance: float) -> None:
         """A directional light; `towards` points at the sun."""
@@ -147,7 +183,7 @@ class Glb:
         data = (np.round(values, 6) + 0.0).astype("<f4")  # rounded, so that libm's last bit changes no byte
         view = self._view(data.tobytes(), ARRAY_BUFFER)
         accessor: dict[str, Any] = {"bufferView": view, "componentType": FLOAT, "count": len(data)}
-        accessor["type"] = f"VEC{data.shape[1]}"
+        accessor["type"] = "SCALAR" if data.shape[1] == 1 else f"VEC{data.shape[1]}"
         if bounds:
             accessor |= {"min": data.min(axis=0).tolist(), "max": data.max(axis=0).tolist()}
         return self._append("accessors", accessor)

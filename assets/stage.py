@@ -6,7 +6,7 @@ Where both are the same thing no error of a fit is left, and what is wrong in a 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +16,10 @@ from shapes import Array, Shape, box, cylinder, sphere
 
 from fit.export import write
 from fit.primitives import FACES, PrimitiveSet, make_box, make_cylinder, make_sphere
+from fit.rotation import matrices_from_quaternions
 
 Triple = tuple[float, float, float]
+Triple4 = tuple[float, float, float, float]
 
 BLACK: Triple = (0.0, 0.0, 0.0)
 
@@ -54,9 +56,7 @@ class Stage:
         """A box of the set alone, for a mesh that is drawn elsewhere; returns its middle and its size."""
         low, high = np.asarray(lower, float), np.asarray(upper, float)
         middle, size = (low + high) / 2, high - low
-        half = np.radians(degrees) / 2
-        turn = (0.0, float(np.sin(half)), 0.0, float(np.cos(half)))
-        self._solids.append(make_box(middle, size, turn, matter.albedo, matter.emission, name))
+        self._solids.append(make_box(middle, size, _upright(degrees), matter.albedo, matter.emission, name))
         return middle, size
 
     def panel(self, name: str, matter: Matter, lower: ArrayLike, upper: ArrayLike) -> None:
@@ -85,6 +85,36 @@ class Stage:
                 make_sphere(center, radius, matter.albedo, matter.emission, f"{name} {number}")
             )
 
+    def ball_mesh(self, name: str, matter: Matter, radius: float) -> int:
+        """The mesh of a ball about 0 that nothing draws yet."""
+        return self.glb.mesh(name, [(self._material(matter), sphere(BLACK, radius, BALL_SEGMENTS))])
+
+    def moving_ball(
+        self, name: str, matter: Matter, mesh: int, place: Triple, radius: float, times: Array, keys: Array
+    ) -> None:
+        """A ball that moves about `place` along a spline as `Glb.spline` has it, from the first key on."""
+        rest = keys[0, 1]
+        node = self.glb.carried(name, mesh, place, rest)
+        self.glb.spline(node, times, keys)
+        ball = make_sphere(np.asarray(place) + rest, radius, matter.albedo, matter.emission, name)
+        self._solids.append(replace(ball, nodes=(node,)))
+
+    def many(
+        self, name: str, parts: Sequence[tuple[Matter, Shape]], places: Sequence[tuple[Triple, float]]
+    ) -> None:
+        """One mesh of several matters, at many places and turned about the upright by as many degrees."""
+        mesh = self.glb.mesh(name, [(self._material(matter), shape) for matter, shape in parts])
+        self.glb.instances(name, mesh, [p for p, _ in places], [_upright(degrees) for _, degrees in places])
+
+    def many_solids(self, places: Sequence[tuple[Triple, float]], solids: Sequence[PrimitiveSet]) -> None:
+        """The set of one of `many` meshes, at each of its places."""
+        one = PrimitiveSet.concatenate(solids)
+        for place, degrees in places:
+            matrix = np.eye(4)
+            matrix[:3, :3] = matrices_from_quaternions(_upright(degrees))
+            matrix[:3, 3] = place
+            self._solids.append(one.transformed(matrix))
+
     @property
     def primitives(self) -> PrimitiveSet:
         return PrimitiveSet.concatenate(self._solids)
@@ -103,3 +133,9 @@ class Stage:
             emission = matter.emission if any(matter.emission) else None
             self._materials[matter] = self.glb.material(matter.name, matter.albedo, emission=emission)
         return self._materials[matter]
+
+
+def _upright(degrees: float) -> Triple4:
+    """The quaternion xyzw of a turn about +Y."""
+    half = np.radians(degrees) / 2
+    return (0.0, float(np.sin(half)), 0.0, float(np.cos(half)))

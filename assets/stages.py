@@ -21,7 +21,7 @@ WALL, REDDISH, GREENISH, BLUISH = (
 GREY = Matter("grey", scenes.NEUTRAL)
 
 
-def _room(
+def room(
     stage: Stage, prefix: str, lower: Triple, upper: Triple, wall: float, matters: dict[str, Matter]
 ) -> None:
     """Slabs of thickness `wall` round the air between two corners, those that `matters` names; they meet
@@ -73,7 +73,7 @@ def two_rooms(stage: Stage) -> None:
     """Two rooms with 10 cm between them: a lamp lights the west one, the east one is sealed and dark."""
     lamp = Matter("lamp", (0.0, 0.0, 0.0), (12.0, 12.0, 12.0))
     for side, x0, x1, color in (("west", -3.05, -0.05, REDDISH), ("east", 0.05, 3.05, BLUISH)):
-        _room(stage, f"{side} room, ", (x0, 0, -1.5), (x1, 2.6, 1.5), 0.05, _all(WALL, north_wall=color))
+        room(stage, f"{side} room, ", (x0, 0, -1.5), (x1, 2.6, 1.5), 0.05, _all(WALL, north_wall=color))
     shining = stage.glb.material(lamp.name, lamp.albedo, emission=lamp.emission)
     stage.glb.part("lamp", shining, quad((-1.9, 2.59, -0.35), (0.7, 0, 0), (0, 0, 0.7)))
     stage.panel("lamp", lamp, (-1.9, 2.59, -0.35), (-1.2, 2.6, 0.35))
@@ -85,14 +85,14 @@ def tunnel(stage: Stage) -> None:
     """A passage of 2 x 2 m, 12 m long, that daylight enters at one end; a screen half closes its middle."""
     walls = _all(WALL, west_wall=REDDISH, east_wall=GREENISH)
     del walls["south wall"]
-    _room(stage, "", (-1, 0, -6), (1, 2, 6), 0.1, walls)
+    room(stage, "", (-1, 0, -6), (1, 2, 6), 0.1, walls)
     stage.box("screen", WALL, (-1, 0, -0.05), (0.2, 2, 0.05))
     stage.glb.camera("inside", (0.5, 1.2, 4.6), (0, 0.9, -1), 60)
 
 
 def curtains(stage: Stage) -> None:
     """A small atrium: a sunny court, and behind columns and cloth of 2 cm a walk with a roof."""
-    _room(
+    room(
         stage,
         "",
         (-3, 0, -2.5),
@@ -112,7 +112,7 @@ def curtains(stage: Stage) -> None:
 
 def emissive_room(stage: Stage) -> None:
     """A closed room that glowing things of three kinds and colours light, a large one and small ones."""
-    _room(stage, "", (-2, 0, -2), (2, 2.6, 2), 0.1, _all(WALL, west_wall=BLUISH))
+    room(stage, "", (-2, 0, -2), (2, 2.6, 2), 0.1, _all(WALL, west_wall=BLUISH))
     black = (0.0, 0.0, 0.0)
     stage.balls("lamp", Matter("warm", black, (9.0, 5.0, 2.0)), [(-1.1, 0.35, 0.4), (1.2, 1.9, -1.2)], 0.25)
     stage.cylinder("tube", Matter("cold", black, (3.0, 6.0, 10.0)), (1.5, 0.1, 0.9), 0.06, 2.2)
@@ -124,7 +124,7 @@ def emissive_room(stage: Stage) -> None:
 def courtyard(stage: Stage) -> None:
     """A court under sun and sky, full of coloured balls."""
     walls = {name: WALL for name in scenes.SLABS if name != "ceiling"}
-    _room(stage, "", (-2.5, 0, -2.5), (2.5, 2.0, 2.5), 0.2, walls | {"floor": GREY})
+    room(stage, "", (-2.5, 0, -2.5), (2.5, 2.0, 2.5), 0.2, walls | {"floor": GREY})
     places = [(x, 0.3, z) for x in np.linspace(-1.8, 1.8, 5) for z in np.linspace(-1.8, 1.8, 5)]
     for number, matter in enumerate((WALL, REDDISH, GREENISH)):
         stage.balls(f"{matter.name} ball", matter, places[number::3], 0.3)
@@ -135,7 +135,7 @@ def courtyard(stage: Stage) -> None:
 def closed_box(stage: Stage) -> None:
     """Walls and a block that all glow alike and reflect a half: E = pi Le / (1 - 1/2) everywhere."""
     glow = Matter("glow", scenes.NEUTRAL, (1.0, 1.0, 1.0))
-    _room(stage, "", (-1.5, 0, -1.5), (1.5, 3, 1.5), 0.1, _all(glow))
+    room(stage, "", (-1.5, 0, -1.5), (1.5, 3, 1.5), 0.1, _all(glow))
     stage.box("block", glow, (-0.9, 0, -0.8), (0.1, 1.2, 0.1), degrees=30)
     stage.glb.camera("corner", (1.2, 1.8, 1.2), (-0.6, 0.8, -0.6), 75)
 

@@ -45,7 +45,8 @@ class PrimitiveSet:
     albedo, emission (n, 6, 3) float32 linear, one for each of `FACES` (emission is radiance, W/m2/sr).
     A sphere has one colour in all six; a cylinder one for its side (+-x, +-z) and one for each cap (+-y);
     a plane one for each side (+-y), its rim (+-x, +-z) the mean of both. `shared_face_colors` makes any six
-    colours obey that. `names` holds n names or none.
+    colours obey that. `names` holds n names or none. `nodes` holds, for each primitive, the index of the
+    scene's node that it moves with (`fit.motion`), -1 where it stands; none where all stand.
     """
 
     kinds: NDArray[np.uint8]
@@ -55,6 +56,7 @@ class PrimitiveSet:
     albedo: Float32
     emission: Float32
     names: tuple[str, ...] = ()
+    nodes: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return len(self.kinds)
@@ -73,7 +75,9 @@ class PrimitiveSet:
 
     @staticmethod
     def concatenate(sets: Sequence[PrimitiveSet]) -> PrimitiveSet:
-        """All primitives of `sets`, in order. Names are kept when any set has them; the others get ''."""
+        """All primitives of `sets`, in order. Names and nodes are kept when any set has them; the others get
+        '' and -1.
+        """
         sets = [s for s in sets if len(s)]
         if not sets:
             return PrimitiveSet.empty()
@@ -81,6 +85,10 @@ class PrimitiveSet:
         if any(s.names for s in sets):
             for s in sets:
                 names += s.names or ("",) * len(s)
+        nodes: list[int] = []
+        if any(s.nodes for s in sets):
+            for s in sets:
+                nodes += s.nodes or (-1,) * len(s)
         return PrimitiveSet(
             kinds=np.concatenate([s.kinds for s in sets]),
             positions=np.concatenate([s.positions for s in sets]),
@@ -89,6 +97,7 @@ class PrimitiveSet:
             albedo=np.concatenate([s.albedo for s in sets]),
             emission=np.concatenate([s.emission for s in sets]),
             names=tuple(names),
+            nodes=tuple(nodes),
         )
 
     def select(self, index: Any) -> PrimitiveSet:
@@ -102,6 +111,7 @@ class PrimitiveSet:
             albedo=self.albedo[chosen],
             emission=self.emission[chosen],
             names=tuple(self.names[i] for i in chosen) if self.names else (),
+            nodes=tuple(self.nodes[i] for i in chosen) if self.nodes else (),
         )
 
     def validate(self) -> PrimitiveSet:
@@ -411,8 +421,11 @@ def _check_arrays(s: PrimitiveSet) -> None:
             raise ValueError(
                 f"{field} is {array.dtype} {array.shape}; a set of {n} needs {np.dtype(dtype)} {shape}"
             )
-    if s.names and len(s.names) != n:
-        raise ValueError(f"{len(s.names)} names for {n} primitives; give one for each, or none")
+    for field, values in (("names", s.names), ("nodes", s.nodes)):
+        if values and len(values) != n:
+            raise ValueError(f"{len(values)} {field} for {n} primitives; give one for each, or none")
+    if any(node < -1 for node in s.nodes):
+        raise ValueError(f"node {min(s.nodes)} is none; give a node's index, or -1 for what stands")
 
 
 def _check_placement(s: PrimitiveSet) -> None:

@@ -31,6 +31,12 @@ class Wrap(StrEnum):
     CLAMP = "clamp"
 
 
+class Interpolation(StrEnum):
+    STEP = "STEP"
+    LINEAR = "LINEAR"
+    CUBIC_SPLINE = "CUBICSPLINE"
+
+
 class LightKind(StrEnum):
     DIRECTIONAL = "directional"
     POINT = "point"
@@ -115,16 +121,21 @@ class Node:
 
 @dataclass(frozen=True)
 class Instance:
-    """A mesh drawn at a place. A skinned mesh is posed in world space already and has the identity."""
+    """A mesh drawn at a place: `world_from_local` is its node's, times `node_from_local` of a GPU instance.
+
+    A skinned mesh is posed in world space already: it has the identity, and None for `node_from_local`, since
+    it follows its joints and not its node.
+    """
 
     mesh: int
     node: int
     world_from_local: Float64
+    node_from_local: Float64 | None = field(default_factory=lambda: np.eye(4))
 
 
 @dataclass(frozen=True)
 class Light:
-    """A punctual light: lux and candela read as W/m2 and W/sr. It shines along local -Z."""
+    """A punctual light: lux and candela read as W/m2 and W/sr. It shines along local -Z of its `node`."""
 
     name: str
     kind: LightKind
@@ -134,11 +145,15 @@ class Light:
     range: float = float("inf")
     inner_cone_angle: float = 0.0
     outer_cone_angle: float = np.pi / 4
+    node: int = -1
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera looking along local -Z. Perspective when `yfov` is given, else orthographic with `ymag`."""
+    """A camera looking along local -Z. Perspective when `yfov` is given, else orthographic with `ymag`.
+
+    `node` carries it.
+    """
 
     name: str
     world_from_local: Float64
@@ -147,6 +162,47 @@ class Camera:
     aspect_ratio: float | None = None
     znear: float = 0.01
     zfar: float | None = None
+    node: int = -1
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A value over time: `times` (k,), seconds, strictly rising, and `values` (k, n) at them.
+
+    Of CUBIC_SPLINE, `values` is (k, 3, n): the tangent that leads in, the value, the tangent that leads out.
+    Before the first time and after the last the value stays. One key is a constant.
+    """
+
+    times: Float64
+    values: Float64
+    interpolation: Interpolation = Interpolation.LINEAR
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How a node moves in its parent: translation (3,), rotation (4,), a quaternion xyzw, and scale (3,).
+
+    What the animation leaves alone is a curve of one key, the node's rest.
+    """
+
+    node: int
+    translation: Curve
+    rotation: Curve
+    scale: Curve
+
+
+@dataclass(frozen=True)
+class Animation:
+    """Motions that belong together, at most one a node."""
+
+    name: str
+    motions: tuple[Motion, ...]
+
+    @property
+    def duration(self) -> float:
+        """Seconds until the last key."""
+        curves = (c for m in self.motions for c in (m.translation, m.rotation, m.scale))
+        return max((float(curve.times[-1]) for curve in curves if len(curve.times) > 1), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -162,6 +218,7 @@ class Scene:
     instances: tuple[Instance, ...] = ()
     lights: tuple[Light, ...] = ()
     cameras: tuple[Camera, ...] = ()
+    animations: tuple[Animation, ...] = ()
     extensions: tuple[str, ...] = ()
     repairs: dict[str, int] = field(default_factory=dict)
     ignored: tuple[str, ...] = ()

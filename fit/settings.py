@@ -17,14 +17,15 @@ COARSEST = 8
 
 @dataclass(frozen=True)
 class FitSettings:
-    """What to fit. Without any budget the count follows the scene, up to 128.
+    """What to fit. Without a budget the count follows the scene, up to 128, and so for each body that moves.
 
     max_primitives, max_bytes (64 a primitive): hard caps; preset: 'coarse' or 'fine' sets `max_primitives`
     and `skip_below` where they are not given; max_error: metres that 95 % of the seen surface must lie within
     of the set; max_leaks: share of the rays that may leak, above which growth goes on for smaller gains;
     skip_below: share of the projected area under which a part gets no primitive; air: seeds,
     'outside' or 'x,y,z'; resolution: cells of the air's grid along the bounding diagonal; kinds: those that
-    may stand in the set; steps: those of the method's optional steps, `STEPS`, that are taken.
+    may stand in the set; steps: those of the method's optional steps, `STEPS`, that are taken;
+    instancing: what is drawn more than once is fitted once, by itself, and placed.
     """
 
     max_primitives: int | None = None
@@ -38,6 +39,7 @@ class FitSettings:
     skip_below: float | None = None
     kinds: tuple[str, ...] = KINDS
     steps: tuple[str, ...] = STEPS
+    instancing: bool = False
 
     def __post_init__(self) -> None:
         if self.preset is not None and self.preset not in PRESETS:

@@ -6,13 +6,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import numpy as np
 
 from fit.air import LostSeed, find_air, parse_seed
+from fit.apart import Body, budgets, find_bodies, settings_of
 from fit.build import STEPS, Enough, Scope, build
 from fit.canonical import (
     Pose,
@@ -43,7 +44,7 @@ from fit.solid import inside_targets, missing_repair
 from fit.sources import exact_whole, find_sources, whole_solid
 from fit.spaces import Air
 from fit.split import split
-from fit.surface import Surface
+from fit.surface import Surface, from_scene
 from fit.targets import along_a_curve, make_targets, see_surface
 from fit.volume import Volumes, compare_volumes
 
@@ -78,6 +79,32 @@ def fit(
     air: Air | None = None,
 ) -> Fit:
     """Fits a set of primitives to a scene; `air`: the scene's, where it was found before.
+
+    What an animation moves is fitted apart from what stands, and its primitives know their node.
+
+    Raises:
+        ValueError: no face of the scene stops light, or a seed of the air lies in no space.
+    """
+    bodies = find_bodies(scene, instancing=settings.instancing)
+    if not bodies:
+        return _fit_whole(scene, settings, progress, air)
+    fits = []
+    for number, (body, limit) in enumerate(zip(bodies, budgets(bodies, settings), strict=True)):
+        report = _part_of(progress, number, len(bodies))
+        is_left_out = limit == 0
+        fits.append(
+            None if is_left_out else _fit_whole(body.scene, settings_of(body, limit, settings), report)
+        )
+    return _join(scene, settings, bodies, fits, air)
+
+
+def _fit_whole(
+    scene: Scene,
+    settings: FitSettings,
+    progress: Progress | None = None,
+    air: Air | None = None,
+) -> Fit:
+    """`fit` of a scene in which nothing moves.
 
     Raises:
         ValueError: no face of the scene stops light, or a seed of the air lies in no space.
@@ -153,6 +180,43 @@ def fit(
         tuple(world_lengths(one, pose) for one in errors), _in_metres(skipped, pose.unit), stages.seconds,
         (*filter(None, [unmended]), *notes_on_result(placed, lengths, settings, reached), *outer.notes()),
     )  # fmt: skip
+
+
+def _part_of(progress: Progress | None, number: int, count: int) -> Progress | None:
+    """Progress of one body among several."""
+    if progress is None:
+        return None
+    return lambda stage, done: progress(f"body {number + 1} of {count}: {stage}", done)
+
+
+def _join(
+    scene: Scene, settings: FitSettings, bodies: Sequence[Body], fits: Sequence[Fit | None], air: Air | None
+) -> Fit:
+    """The fits of bodies, placed, as the fit of their scene at rest."""
+    done = [(body, one) for body, one in zip(bodies, fits, strict=True) if one is not None]
+    primitives = PrimitiveSet.concatenate([body.place(one.primitives) for body, one in done])
+    if not any(body.moves for body in bodies):
+        primitives = replace(primitives, nodes=())
+    stages = _Stages(None)
+    with stages("measure"):
+        air, surface = air or find_scene_air(scene, settings), from_scene(scene)
+        probes = place_probes(surface, air, settings.seed)
+        metrics = measure(primitives, surface, air, seed=settings.seed, probes=probes)
+        volumes = compare_volumes(primitives, air.walls, air)
+        errors = measure_each(primitives, probes)
+    seconds: dict[str, float] = {}
+    for spent in (*(one.seconds for _, one in done), stages.seconds):
+        for stage, value in spent.items():
+            seconds[stage] = seconds.get(stage, 0.0) + value
+    skipped = [
+        part | {"instance": body.instances[cast(int, part["instance"])]}
+        for body, one in done
+        for part in one.skipped_parts
+    ]
+    dropped = [body for body, one in zip(bodies, fits, strict=True) if one is None]
+    notes = [f"{body.name}: no primitive, the budget has no room for so many bodies" for body in dropped]
+    notes += notes_on_result(primitives, metrics, settings, metrics.surface_to_set_p95_m)
+    return Fit(primitives, surface, air, metrics, volumes, errors, skipped, seconds, (*notes, *air.notes()))
 
 
 def find_scene_air(scene: Scene, settings: FitSettings = DEFAULT) -> TurnedAir:

@@ -14,6 +14,7 @@ import cyclopts
 from cyclopts import Parameter
 
 from pipelines import bench_fit, bench_gi, compare, convert, demo, describe, matrix, render, slices
+from pipelines.animate import TimeOptions, parse_span
 from pipelines.console import Terminal
 from pipelines.errors import UsageError
 from pipelines.machine import package_version
@@ -124,6 +125,7 @@ def convert_files(
     scale: float = 1.0,
     seed: int = 0,
     timeout: float = 900.0,
+    instances: Annotated[bool, Flag] = False,
     json: Annotated[bool, Flag] = False,
 ) -> int:
     """Approximate glTF scenes by boxes, spheres, cylinders and planes.
@@ -154,13 +156,15 @@ def convert_files(
         Seed of all random choices.
     timeout
         Seconds after which a file is given up.
+    instances
+        Fit what is drawn more than once by itself, once, and place it: for towns of a few kinds of houses.
     json
         Print the report as JSON.
     """
     terminal = Terminal(json)
     settings = convert.ConvertSettings(
         files, output, max_primitives, max_bytes, max_error, preset, tuple(air or ()), scale, seed, timeout,
-        max_leaks,
+        max_leaks, instances,
     )  # fmt: skip
     with terminal.progress() as update:
         report = convert.run(settings, progress=lambda state: update(state.describe(), state.share))
@@ -190,6 +194,10 @@ def render_scene(
     samples: int = render.DEFAULT_SAMPLES,
     noise: float | None = None,
     glossy: Annotated[bool, Flag] = False,
+    time: Annotated[float | None, Numbers] = None,
+    animate: Annotated[str | None, Numbers] = None,
+    frames_per_second: float = 24.0,
+    animation: str | None = None,
     json: Annotated[bool, Flag] = False,
 ) -> int:
     """Render a glTF scene, lit through its primitives.
@@ -239,6 +247,15 @@ def render_scene(
         Of a reference: end once the mean absolute noise is this share of the mean, such as 0.02.
     glossy
         Smooth surfaces and metals reflect; without it every surface is diffuse, as in comparisons.
+    time
+        Seconds of the scene's animation to show; without it the scene is at rest.
+    animate
+        first:last in seconds: a row of pictures, for which OUTPUT has a number, as in frames/%04d.png. The
+        light settles on the first one and then follows as in a game, one frame a picture.
+    frames_per_second
+        Pictures of a second of --animate.
+    animation
+        Name of the animation that plays; inspect lists them. All play by default.
     json
         Print the report as JSON.
     """
@@ -249,6 +266,7 @@ def render_scene(
     settings = render.PictureSettings(
         scene, output, set_, gi or "sdfddgi", camera, lighting, exposure, scale, aov, parse_size(size),
         frames, view, samples, noise, glossy, quality, presets,
+        TimeOptions(time, parse_span(animate), frames_per_second, animation),
     )  # fmt: skip
     with terminal.progress() as update:
         report = render.run(settings, update)

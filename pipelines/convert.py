@@ -54,7 +54,8 @@ EMPTY_ROW: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class ConvertSettings:
-    """What `convert` was asked for: `air` is `outside` or `x,y,z`, metres; `timeout` is seconds a file."""
+    """What `convert` was asked for: `air` is `outside` or `x,y,z`, metres; `timeout` is seconds a file;
+    `instancing` fits what is drawn more than once by itself, once."""
 
     files: tuple[Path, ...]
     output: Path
@@ -67,6 +68,7 @@ class ConvertSettings:
     seed: int = 0
     timeout: float = 900.0
     max_leaks: float = 1.0
+    instancing: bool = False
 
 
 @dataclass(frozen=True)
@@ -199,6 +201,7 @@ def fit_scene(scene: Any, settings: ConvertSettings, progress: Progress | None =
             preset=settings.preset,
             air=settings.air,
             seed=settings.seed,
+            instancing=settings.instancing,
         ),
         progress=progress,
     )

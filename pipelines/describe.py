@@ -75,6 +75,10 @@ def describe_scene(scene: Scene) -> dict[str, Any]:
             for light in scene.lights
         ],
         "cameras": [{"index": i, "name": camera.name} for i, camera in enumerate(scene.cameras)],
+        "animations": [
+            {"name": animation.name, "nodes": len(animation.motions), "seconds": animation.duration}
+            for animation in scene.animations
+        ],
         "bounds_min": bounds[0] if bounds else None,
         "bounds_max": bounds[1] if bounds else None,
         "diagonal_m": float(np.linalg.norm(bounds[1] - bounds[0])) if bounds else None,
@@ -147,8 +151,13 @@ def _facts(row: dict[str, Any]) -> list[tuple[str, str]]:
         ("images", str(len(row["images"]))),
         ("lights", ", ".join(f"{count} {kind}" for kind, count in lights.items())),
         ("cameras", ", ".join(f"{camera['index']} {camera['name']!r}" for camera in row["cameras"])),
+        ("animations", ", ".join(_animation(animation) for animation in row["animations"])),
         ("extensions", ", ".join(row["extensions"])),
         ("repaired", ", ".join(f"{count} {what}" for what, count in row["repairs"].items())),
         ("ignored", "; ".join(row["ignored"])),
         *(("warning", warning) for warning in row["warnings"]),
     ]
+
+
+def _animation(animation: dict[str, Any]) -> str:
+    return f"{animation['name']!r} moves {animation['nodes']} nodes for {animation['seconds']:.4g} s"

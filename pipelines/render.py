@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from fit.motion import posed
+from pipelines.animate import AT_REST, TimeOptions, numbered, play
 from pipelines.console import Terminal, Update
 from pipelines.convert import ConvertSettings, describe_fit, describe_primitives, fit_scene, require_file
 from pipelines.documents import report_header
@@ -44,7 +46,8 @@ class PictureSettings:
 
     samples, noise: of a reference, paths a pixel, and the mean absolute noise, a share of the mean, at which
     to end before. glossy: smooth surfaces and metals reflect. quality: name of a preset, which then stands
-    for `gi`; presets: the file that it is in, instead of the program's own.
+    for `gi`; presets: the file that it is in, instead of the program's own. when: the time of the scene's
+    animation, or the row of times for which `output` numbers a picture each.
     """
 
     scene: Path
@@ -64,6 +67,7 @@ class PictureSettings:
     glossy: bool = False
     quality: str | None = None
     presets: Path | None = None
+    when: TimeOptions = AT_REST
 
     @property
     def preset(self) -> GiPreset | None:
@@ -92,7 +96,9 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
     if settings.view in UNLIT and not settings.aov:
         settings = replace(settings, gi="none", frames=1)
     progress("load", 0.0)
-    scene = gltf.load(settings.scene, scale=settings.scale)
+    scene = settings.when.choose(gltf.load(settings.scene, scale=settings.scale))
+    if settings.gi in REFERENCES and settings.when.seconds is not None:
+        scene = posed(scene, settings.when.seconds)
     studio = Studio.set_up(scene, settings.camera, settings.lighting, settings.size, settings.exposure)
     if settings.gi in REFERENCES:
         return _run_reference(settings, studio, progress)
@@ -109,17 +115,26 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
     began = time.perf_counter()
     views = (settings.view, *(AOV_LAYERS if settings.aov else ()))
     options = {} if preset is None else preset.technique_options(software=studio.gpu.is_software)
-    result = studio.render(
-        primitives, settings.gi, settings.frames, views, done, glossy=settings.glossy, **options
-    )
+    if times := settings.when.times():
+        renderer = studio.open_renderer(primitives, settings.gi, glossy=settings.glossy, **options)
+
+        def write(number: int, result: Result) -> None:
+            file = numbered(settings.output, number) if settings.when.span else settings.output
+            write_picture(replace(settings, output=file), result)
+
+        result = play(renderer, studio.view.camera, times, settings.frames, views, write, done)
+    else:
+        result = studio.render(
+            primitives, settings.gi, settings.frames, views, done, glossy=settings.glossy, **options
+        )
+        write_picture(settings, result)
     seconds = time.perf_counter() - began
-    write_picture(settings, result)
     return (
         report_header("render", settings, seed=0)
         | studio.describe()
         | {"set": source, "gi": settings.gi, "view": settings.view, "frames": settings.frames}
         | {"notes": list(result.notes), "picture": settings.output, "seconds": round(seconds, 3)}
-        | {"timed_frames": result.frames, "passes_ms": dict(result.timings)}
+        | {"timed_frames": result.frames, "passes_ms": dict(result.timings), "times_s": list(times)}
     )
 
 
@@ -152,6 +167,7 @@ def check(settings: PictureSettings) -> None:
     if settings.primitives is not None:
         require_file(settings.primitives)
     settings.lighting.check()
+    settings.when.check(settings.output)
     suffix = settings.output.suffix.lower()
     if suffix not in (".png", ".exr"):
         raise UsageError(f"-o {settings.output}: end the name in .png or .exr")
@@ -171,6 +187,8 @@ def check(settings: PictureSettings) -> None:
         raise UsageError(f"--samples {settings.samples}: give at least 2, so that the noise can be told")
     if settings.noise is not None and not 0 < settings.noise < float("inf"):
         raise UsageError(f"--noise {settings.noise}: give a share of the mean above zero, such as 0.02")
+    if settings.gi in REFERENCES and settings.when.span is not None:
+        raise UsageError(f"--animate: --gi {settings.gi} makes one picture; give --time")
     if settings.gi in REFERENCES and settings.primitives is not None:
         raise UsageError(f"--set {settings.primitives}: --gi {settings.gi} lights the mesh and needs no set")
     if not 0 < settings.scale < float("inf"):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from fit.spaces import Air
     from runtime.device import Gpu
     from runtime.lights import Illumination
-    from runtime.renderer import Result
+    from runtime.renderer import Renderer, Result
     from runtime.settings import RenderSettings
     from runtime.sky import Sky
 
@@ -125,14 +125,26 @@ class Studio:
         further settings of the technique. On a software adapter all but the last few frames bring only the
         light up to date.
         """
-        from runtime.renderer import Renderer
-
         whole = min(frames, SOFTWARE_WHOLE_FRAMES) if self.gpu.is_software else frames
-        settings = replace(self.settings(technique, primitives, probes, **options), glossy=glossy)
-        renderer = Renderer(self.gpu, self.scene, primitives, settings, self.illumination)
+        renderer = self.open_renderer(primitives, technique, probes, glossy, **options)
         return renderer.render(
             self.view.camera, frames=whole, settle=frames - whole, only=views, progress=done
         )
+
+    def open_renderer(
+        self,
+        primitives: PrimitiveSet,
+        technique: str,
+        probes: ProbesOption | None = None,
+        glossy: bool = False,
+        **options: Any,
+    ) -> Renderer:
+        """A renderer for one method, for those who change something between frames; arguments as for
+        `render`."""
+        from runtime.renderer import Renderer
+
+        settings = replace(self.settings(technique, primitives, probes, **options), glossy=glossy)
+        return Renderer(self.gpu, self.scene, primitives, settings, self.illumination)
 
     def settings(
         self,

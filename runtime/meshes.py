@@ -3,8 +3,8 @@ them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -73,11 +73,14 @@ class SceneMeshes:
         self._textures = TextureLibrary(gpu, scene, max_texture_size)
         self._materials = [_resources(gpu, self._textures, _material(scene, k)) for k in _used(self.draws)]
         self._material_rows = {material: row for row, material in enumerate(_used(self.draws))}
+        self._rows = {index: row for row, index in enumerate(self._order)}
+        self._boxes = _boxes(scene, self._order)
         self._upload_geometry(gpu)
         self._placements = np.array([scene.instances[i].world_from_local for i in self._order]).reshape(
             -1, 4, 4
         )
-        self._previous = self._placements
+        self._visible = np.ones(len(self._order), bool)
+        self._previous = self._shown = self._placements
         room = max(len(self._order), 1) * Instance.dtype.itemsize
         self._instances = Buffer(gpu, room, "storage", label="instances")
         self._write_instances()
@@ -97,16 +100,14 @@ class SceneMeshes:
     def bounds(self) -> tuple[Float64, Float64] | None:
         """Corners of the world-space box around the boxes of all drawn instances; None when nothing is
         drawn."""
-        boxes = []
-        for place, index in zip(self._placements, self._order, strict=True):
-            points = self._scene.meshes[self._scene.instances[index].mesh].positions
-            lower, upper = points.min(axis=0), points.max(axis=0)
-            center, half = (lower + upper) / 2, (upper - lower) / 2
-            middle, reach = place[:3, :3] @ center + place[:3, 3], np.abs(place[:3, :3]) @ half
-            boxes.append((middle - reach, middle + reach))
-        if not boxes:
+        if not self._visible.any():
             return None
-        return np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
+        center, half = self._boxes
+        linear = self._placements[:, :3, :3]
+        middle = np.einsum("nij,nj->ni", linear, center) + self._placements[:, :3, 3]
+        reach = np.einsum("nij,nj->ni", np.abs(linear), half)
+        seen = self._visible
+        return (middle - reach)[seen].min(axis=0), (middle + reach)[seen].max(axis=0)
 
     def move(self, instances: dict[int, Float64]) -> None:
         """Places instances (index into `scene.instances` -> world_from_local) for the next frame.
@@ -114,18 +115,50 @@ class SceneMeshes:
         Raises:
             KeyError: an index that is not drawn.
         """
-        rows = {index: row for row, index in enumerate(self._order)}
         placements = self._placements.copy()
         for index, world_from_local in instances.items():
-            placements[rows[index]] = world_from_local
+            placements[self._rows[index]] = world_from_local
         self._placements = placements
-        self._write_instances()
+        self._show()
+
+    def show(self, visible: Mapping[int, bool]) -> None:
+        """Lets instances (index into `scene.instances`) vanish or appear for the next frame.
+
+        Raises:
+            KeyError: an index that is not drawn.
+        """
+        for index, is_visible in visible.items():
+            self._visible[self._rows[index]] = is_visible
+        self._show()
+
+    def placements(self, instances: Iterable[int]) -> dict[int, Float64]:
+        """world_from_local of instances as they are drawn: one that has vanished is shrunk to a point."""
+        return {index: self._shown[self._rows[index]] for index in instances}
+
+    def set_emission(self, material: int, emission: tuple[float, float, float]) -> None:
+        """Replaces what a material emits, W/m2/sr, before its texture.
+
+        Raises:
+            KeyError: nothing that is drawn has that material.
+        """
+        buffer = self._materials[self._material_rows[material]]["material"]
+        assert isinstance(buffer, Buffer)
+        buffer.write(_surface_record(replace(_material(self._scene, material), emission=emission)))
 
     def end_frame(self) -> None:
         """Makes this frame's placements the previous ones."""
-        if self._previous is not self._placements:
-            self._previous = self._placements
+        if self._previous is not self._shown:
+            self._previous = self._shown
             self._write_instances()
+
+    def _show(self) -> None:
+        """Places what is visible; the rest shrinks to a point, of which nothing is drawn."""
+        shown = self._placements
+        if not self._visible.all():
+            shown = shown.copy()
+            shown[~self._visible, :3, :3] = 0.0
+        self._shown = shown
+        self._write_instances()
 
     def draw(
         self,
@@ -163,7 +196,7 @@ class SceneMeshes:
             return
         records = Instance.pack_array(
             len(self._order),
-            local_from_mesh=self._local(self._placements),
+            local_from_mesh=self._local(self._shown),
             previous_local_from_mesh=self._local(self._previous),
         )
         self._instances.write(records)
@@ -248,16 +281,8 @@ def _resources(
     base_color, base_color_sampler = textures.get(material.base_color_texture, srgb=True)
     emission, emission_sampler = textures.get(material.emission_texture, srgb=True)
     roughness, roughness_sampler = textures.get(material.metallic_roughness_texture, srgb=False)
-    cutoff = {AlphaMode.OPAQUE: -1.0, AlphaMode.MASK: material.alpha_cutoff, AlphaMode.BLEND: BLEND_CUTOFF}
-    record = SurfaceMaterial.pack(
-        base_color=material.base_color,
-        emission=material.emission,
-        alpha_cutoff=cutoff[material.alpha_mode],
-        roughness=material.roughness,
-        metallic=material.metallic,
-    )
     return {
-        "material": Buffer(gpu, record, "uniform", label=material.name),
+        "material": Buffer(gpu, _surface_record(material), "uniform", label=material.name),
         "base_color_texture": base_color,
         "base_color_sampler": base_color_sampler,
         "emission_texture": emission,
@@ -265,6 +290,26 @@ def _resources(
         "roughness_texture": roughness,
         "roughness_sampler": roughness_sampler,
     }
+
+
+def _surface_record(material: Material) -> np.ndarray:
+    cutoff = {AlphaMode.OPAQUE: -1.0, AlphaMode.MASK: material.alpha_cutoff, AlphaMode.BLEND: BLEND_CUTOFF}
+    return SurfaceMaterial.pack(
+        base_color=material.base_color,
+        emission=material.emission,
+        alpha_cutoff=cutoff[material.alpha_mode],
+        roughness=material.roughness,
+        metallic=material.metallic,
+    )
+
+
+def _boxes(scene: Scene, instances: Sequence[int]) -> tuple[Float64, Float64]:
+    """Centres and half extents (n, 3) of instances' boxes in their meshes' own space."""
+    lower = [mesh.positions.min(axis=0, initial=np.inf) for mesh in scene.meshes]
+    upper = [mesh.positions.max(axis=0, initial=-np.inf) for mesh in scene.meshes]
+    used = [scene.instances[index].mesh for index in instances]
+    low, high = np.array(lower).reshape(-1, 3)[used], np.array(upper).reshape(-1, 3)[used]
+    return (low + high) / 2, (high - low) / 2
 
 
 def _material_notes(scene: Scene) -> tuple[str, ...]:

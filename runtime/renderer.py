@@ -28,6 +28,7 @@ from runtime.glossy import Glossy
 from runtime.kernel import Kernel, Resource
 from runtime.lights import AnyLight, Illumination, choose_illumination
 from runtime.meshes import SceneMeshes
+from runtime.playback import Playback
 from runtime.primary import GBuffer, GBufferPass
 from runtime.resources import Buffer, Texture
 from runtime.settings import RenderSettings
@@ -102,6 +103,8 @@ class Renderer:
         self._tone_map = ToneMap(gpu, size, self.settings.exposure, self.settings.tone_curve)
         self._views = Views(gpu, size)
         self._lights.set(self.illumination.lights)
+        self._playback = Playback(scene)
+        self._rest = primitives
         self._timer = Timer(gpu)
         self._index = 0
         self._light_version = 0
@@ -114,8 +117,30 @@ class Renderer:
         """Looks through another camera from the next frame on."""
         self._camera = camera
 
+    def set_time(self, seconds: float) -> None:
+        """Moves meshes, the file's lights, and primitives that know their node, as the scene's animations do.
+
+        Before the first call the scene is at rest, which need not be its place at 0 seconds.
+
+        Raises:
+            ValueError: the set of primitives belongs to another scene.
+        """
+        if not self._playback.moves:
+            return
+        if instances := self._playback.instances(seconds):
+            self.move_instances(instances)
+        lights = self._playback.lights(self.illumination.lights, seconds)
+        if lights != self.illumination.lights:
+            self.set_lights(lights)
+        if self._rest.nodes:
+            self.world.update(self._playback.primitives(self._rest, seconds))
+
     def set_primitives(self, primitives: PrimitiveSet) -> None:
-        """Lights through other primitives from the next frame on."""
+        """Lights through other primitives from the next frame on: more, fewer, moved, or of other emission.
+
+        Those that know a node are given at rest and move with the next `set_time`.
+        """
+        self._rest = primitives
         self.world.update(primitives)
 
     def set_lights(self, lights: Sequence[AnyLight]) -> None:
@@ -133,9 +158,21 @@ class Renderer:
     def move_instances(self, instances: dict[int, Float64]) -> None:
         """Places drawn instances (index into `scene.instances` -> world_from_local); the primitives stay."""
         self.meshes.move(instances)
-        self.technique.tracer.move(instances)
+        self.technique.tracer.move(self.meshes.placements(instances))
         self._lights.invalidate()
         self._light_version += 1  # the reflective shadow maps show something else
+
+    def show_instances(self, visible: Mapping[int, bool]) -> None:
+        """Lets drawn instances (index into `scene.instances`) vanish or appear; the primitives stay."""
+        self.meshes.show(visible)
+        self.technique.tracer.move(self.meshes.placements(visible))
+        self._lights.invalidate()
+        self._light_version += 1
+
+    def set_emission(self, material: int, emission: tuple[float, float, float]) -> None:
+        """What a material of the meshes emits, W/m2/sr, before its texture. The light it sends is that of the
+        primitives, which `set_primitives` replaces."""
+        self.meshes.set_emission(material, emission)
 
     def set_exposure(self, exposure: float) -> None:
         """Stops (EV) of the tone-mapped picture."""

@@ -17,7 +17,7 @@ TOOLS = {
 
 SOLVERS = ("nlopt", "manifold3d", "pymeshlab", "trimesh", "scipy.optimize")
 
-DATA_MODEL = ("fit", "fit.scene", "fit.gltf", "fit.primitives", "fit.sdf", "fit.export")
+DATA_MODEL = ("fit", "fit.scene", "fit.gltf", "fit.motion", "fit.primitives", "fit.sdf", "fit.export")
 
 
 def run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:

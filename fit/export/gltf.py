@@ -25,6 +25,10 @@ VERSION = 1
 MESH_PREFIX = "sdfprim_"
 """Begins the name of every unit mesh, followed by the kind: some tools drop extras, none drops names."""
 
+NODE_PREFIX = "sdfprim_node_"
+"""Begins the name of the node above primitives that move, followed by the index of the scene's node that they
+move with."""
+
 HALF_SPACE_SIZE = 100.0
 """Metres: that side in a set without finite primitives."""
 
@@ -76,6 +80,7 @@ class _Builder:
         self.shapes: list[dict[str, Any]] = []
         self.nodes: list[dict[str, Any]] = []
         self.roots: list[int] = []
+        self.count = 0
         self._known: dict[Hashable, int] = {}
 
     def document(self) -> dict[str, Any]:
@@ -94,7 +99,7 @@ class _Builder:
             "asset": {
                 "version": "2.0",
                 "generator": "sdfprim",
-                "extras": {"sdfprim": {"version": VERSION, "primitives": len(self.roots)}},
+                "extras": {"sdfprim": {"version": VERSION, "primitives": self.count}},
             },
             "scene": 0,
             "scenes": [{"name": "primitives"} | ({"nodes": self.roots} if self.roots else {})],
@@ -112,7 +117,10 @@ class _Builder:
         name = own_name or node_name(kind, i)
         size = primitives.sizes[i]
         shown = np.array([half_space_size, 1.0, half_space_size]) if kind == HALF_SPACE else size
-        self.roots.append(len(self.nodes))
+        self.count += 1
+        mover = primitives.nodes[i] if primitives.nodes else -1
+        siblings = self.roots if mover < 0 else self._children_of(mover)
+        siblings.append(len(self.nodes))
         self.shapes.append(_shape(kind, size))
         self.nodes.append(
             {
@@ -128,6 +136,16 @@ class _Builder:
         )
         mesh = self._mesh(kind, primitives.albedo[i], primitives.emission[i])
         self.nodes.append({"name": f"{name} mesh", "mesh": mesh, "scale": shown.tolist()})
+
+    def _children_of(self, mover: int) -> list[int]:
+        """The children of the node that stands for the scene's node `mover`; it has no transform."""
+        key = ("mover", mover)
+        if key not in self._known:
+            self._known[key] = len(self.nodes)
+            self.roots.append(len(self.nodes))
+            self.nodes.append({"name": f"{NODE_PREFIX}{mover:04d}", "children": []})
+        children: list[int] = self.nodes[self._known[key]]["children"]
+        return children
 
     def _mesh(self, kind: str, albedo: NDArray[np.float32], emission: NDArray[np.float32]) -> int:
         """The unit mesh of a kind, split where neighbouring faces differ in colour."""

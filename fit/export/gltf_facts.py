@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from fit.export.gltf import MESH_PREFIX, VERSION
+from fit.export.gltf import MESH_PREFIX, NODE_PREFIX, VERSION
 from fit.export.gltf_nodes import Float64, Graph
 from fit.export.unit_meshes import HALF_SPACE
 from fit.primitives import Kind
@@ -65,6 +66,16 @@ def mesh_kind(graph: Graph, node: int) -> str | None:
         return None
     told = name.removeprefix(MESH_PREFIX)
     return next((kind for kind in KINDS if told.startswith(kind)), None)
+
+
+def mover(graph: Graph, node: int) -> int:
+    """The scene's node that a primitive moves with, by the name of one above it; -1 where it stands."""
+    for above in graph.ancestry(node)[1:]:
+        name = str(graph.nodes[above].get("name", ""))
+        digits = re.match(r"\d+", name.removeprefix(NODE_PREFIX)) if name.startswith(NODE_PREFIX) else None
+        if digits is not None:
+            return int(digits.group())
+    return -1
 
 
 def _number(value: Any) -> float | None:

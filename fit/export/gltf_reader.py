@@ -17,7 +17,7 @@ import numpy as np
 from fit import rotation
 from fit.export.files import FormatError
 from fit.export.glb import read_container
-from fit.export.gltf_facts import NO_FACTS, Facts, is_ours, mesh_kind, read_facts
+from fit.export.gltf_facts import NO_FACTS, Facts, is_ours, mesh_kind, mover, read_facts
 from fit.export.gltf_nodes import Float64, Graph, read_graph
 from fit.export.gltf_paint import face_colors
 from fit.export.unit_meshes import HALF_SPACE, misfit
@@ -135,6 +135,7 @@ def _read_primitive(graph: Graph, found: Found, notes: list[str]) -> PrimitiveSe
         graph, found.node, painted, solid.position, solid.rotation, kind, facts, notes
     )
     name = _name(graph, found, facts)
+    node = mover(graph, found.node)
     return PrimitiveSet(
         kinds=np.array([kind], np.uint8),
         positions=solid.position[None],
@@ -143,6 +144,7 @@ def _read_primitive(graph: Graph, found: Found, notes: list[str]) -> PrimitiveSe
         albedo=albedo,
         emission=emission,
         names=(name,) if name else (),
+        nodes=(node,) if node >= 0 else (),
     ).validate()
 
 

@@ -28,13 +28,16 @@ def write_npz(primitives: PrimitiveSet, path: Path) -> None:
         ValueError: the set is invalid.
     """
     primitives.validate()
+    arrays = {name: getattr(primitives, name) for name in ARRAYS}
+    if primitives.nodes:
+        arrays["nodes"] = np.array(primitives.nodes, np.int32)
     content = io.BytesIO()
     np.savez(
         content,
         format=np.array(FORMAT),
         version=np.array(VERSION, np.uint32),
         names=np.frombuffer(json.dumps(primitives.names).encode(), np.uint8),
-        **{name: getattr(primitives, name) for name in ARRAYS},
+        **arrays,
     )
     write_atomically(path, content.getvalue())
 
@@ -75,7 +78,10 @@ def _read_arrays(path: Path, arrays: Any) -> PrimitiveSet:
         names = json.loads(arrays["names"].tobytes())
         if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
             raise FormatError(path, "names", "is no list of strings; convert the scene again")
-        return PrimitiveSet(names=tuple(names), **{name: arrays[name] for name in ARRAYS}).validate()
+        nodes = tuple(int(node) for node in arrays["nodes"]) if "nodes" in arrays else ()
+        return PrimitiveSet(
+            names=tuple(names), nodes=nodes, **{name: arrays[name] for name in ARRAYS}
+        ).validate()
     except FormatError:
         raise
     except (ValueError, TypeError, IndexError, AttributeError, OSError) as error:

@@ -96,8 +96,7 @@ def check_required(document: Document) -> None:
 
 
 def note_ignored(document: Document, notes: Notes) -> None:
-    """List every extension that is not read, with the number of places that use it, and the animations."""
-    notes.ignore("animations", len(document.root.objects("animations")))
+    """List every extension that is not read, with the number of places that use it."""
     uses = _count_extension_objects(document.root.values)
     for name in sorted(uses.keys() | set(document.extensions_used)):
         if name not in READ and name not in MESHOPT_EXTENSIONS and name != BASISU_EXTENSION:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from fit.gltf.container import Document
 from fit.gltf.json_object import JsonObject
@@ -26,7 +27,7 @@ def read_lights(document: Document, graph: NodeGraph, drawn: list[int], scale: f
         use = document.nodes[graph.definitions[index]].extension(LIGHTS_EXTENSION)
         if use is not None:
             light = definitions[use.required_reference("light", len(definitions), "lights")]
-            found.append(_light(light, graph.nodes[index], scale))
+            found.append(replace(_light(light, graph.nodes[index], scale), node=index))
     return tuple(found)
 
 
@@ -61,7 +62,8 @@ def read_cameras(document: Document, graph: NodeGraph, drawn: list[int], scale: 
         if number is not None:
             definition = document.cameras[number]
             name = definition.string("name", graph.nodes[index].name)
-            found.append(_camera(definition, name, graph.nodes[index].world_from_local, scale))
+            camera = _camera(definition, name, graph.nodes[index].world_from_local, scale)
+            found.append(replace(camera, node=index))
     return tuple(found)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from fit.gltf import pose
+from fit.gltf.animations import read_animations
 from fit.gltf.container import Document, read_document
 from fit.gltf.extensions import check_required, note_ignored
 from fit.gltf.json_object import JsonObject
@@ -27,8 +28,9 @@ def load(path: Path | str, *, scale: float = 1.0) -> Scene:
     """Read a glTF 2.0 file, .gltf or .glb, with everything that it points at.
 
     The default scene is drawn: `scene`, else scene 0, else every root node. Morph targets and skins take the
-    pose that the node graph gives them. Meshes, materials, textures and images that the scene does not use
-    are left out. What is mended is counted in `repairs`, what is left out in `ignored`.
+    pose that the node graph gives them and keep it, whatever `animations` move. Meshes, materials, textures
+    and images that the scene does not use are left out. What is mended is counted in `repairs`, what is left
+    out in `ignored`.
 
     Args:
         scale: metres in a unit of the file. It multiplies every length at the roots of the node graph; ranges
@@ -68,6 +70,7 @@ def _load(document: Document, scale: float) -> Scene:
         instances=tuple(drawing.instances),
         lights=read_lights(document, graph, drawn, scale),
         cameras=read_cameras(document, graph, drawn, scale),
+        animations=read_animations(document, graph, drawing.reader.accessors, scale, notes),
         extensions=document.extensions_used,
         repairs=notes.repairs_by_name(),
         ignored=notes.ignored_lines(),
@@ -107,15 +110,14 @@ class _Drawing:
             return
         skin = node.reference("skin", len(self.document.skins), "skins")
         copies = instance_matrices(self.reader.accessors, node, self.notes)
-        world = self.graph.nodes[index].world_from_local
-        placed = world[None] if copies is None else world @ copies
+        below = np.eye(4)[None] if copies is None else copies
         for number, primitive in enumerate(self._primitives(mesh)):
             if skin is None or primitive.joints is None:
-                self._place(self._posed_mesh(node, mesh, number, primitive, None), index, node, placed)
+                self._place(self._posed_mesh(node, mesh, number, primitive, None), index, node, below)
                 continue
             # Skinned: posed in world space already, the transform of the node itself does not count.
             self.notes.ignore(f"{INSTANCING_EXTENSION} on skinned meshes", int(copies is not None))
-            self._place(self._posed_mesh(node, mesh, number, primitive, skin), index, node, np.eye(4)[None])
+            self._place(self._posed_mesh(node, mesh, number, primitive, skin), index, node, None)
 
     def note_unused(self) -> None:
         """Note the meshes and materials that the scene doesn't draw."""
@@ -178,9 +180,15 @@ class _Drawing:
             raise skin.error("holds NaN or infinity; export the file again", "inverseBindMatrices")
         return world @ inverse_bind[: len(joints)]
 
-    def _place(self, mesh: int, index: int, node: JsonObject, matrices: Float64) -> None:
-        self.triangles += len(self.meshes[mesh].triangles) * len(matrices)
-        if self.triangles > MAX_DRAWN_TRIANGLES or len(self.instances) + len(matrices) > MAX_INSTANCES:
+    def _place(self, mesh: int, index: int, node: JsonObject, copies: Float64 | None) -> None:
+        """Draw a mesh at each of `copies` (n, 4, 4) below its node, or, at None, in world space."""
+        count = 1 if copies is None else len(copies)
+        self.triangles += len(self.meshes[mesh].triangles) * count
+        if self.triangles > MAX_DRAWN_TRIANGLES or len(self.instances) + count > MAX_INSTANCES:
             limits = f"{MAX_DRAWN_TRIANGLES} triangles or {MAX_INSTANCES} instances"
             raise node.error(f"the scene draws more than {limits}; simplify it")
-        self.instances.extend(Instance(mesh, index, matrix) for matrix in matrices)
+        if copies is None:
+            self.instances.append(Instance(mesh, index, np.eye(4), None))
+            return
+        world = self.graph.nodes[index].world_from_local
+        self.instances.extend(Instance(mesh, index, world @ copy, copy) for copy in copies)

@@ -154,10 +154,16 @@ def _local_matrix(node: JsonObject, notes: Notes) -> Float64:
             raise node.error("its last row must be 0 0 0 1; export the file again", "matrix")
         matrix[3] = (0, 0, 0, 1)
         return np.ascontiguousarray(matrix)
+    translation, rotation, scale = rest_transform(node)
+    return compose(translation[None], rotation[None], scale[None], notes)[0]
+
+
+def rest_transform(node: JsonObject) -> tuple[Float64, Float64, Float64]:
+    """Translation (3,), rotation (4,), a quaternion xyzw, and scale (3,) of a node without a matrix."""
     translation = node.numbers("translation", 3, (0.0, 0.0, 0.0))
     rotation = node.numbers("rotation", 4, (0.0, 0.0, 0.0, 1.0))
     scale = node.numbers("scale", 3, (1.0, 1.0, 1.0))
-    return compose(np.array([translation]), np.array([rotation]), np.array([scale]), notes)[0]
+    return np.array(translation), np.array(rotation), np.array(scale)
 
 
 def compose(translations: Float64, rotations: Float64, scales: Float64, notes: Notes) -> Float64:

@@ -318,9 +318,3 @@ def test_cameras(builder, load_built):
     assert (wide.name, wide.yfov, wide.aspect_ratio, wide.znear, wide.zfar) == ("wide", 0.8, None, 0.1, None)
     assert wide.world_from_local[2, 3] == 9
     assert (plan.name, plan.yfov, plan.ymag, plan.aspect_ratio, plan.zfar) == ("plan", None, 2, 1.5, 10)
-
-
-def test_animations_are_listed(builder, load_built):
-    builder.square()
-    builder.document["animations"] = [{}, {}]
-    assert load_built(builder).ignored == ("animations: 2",)
