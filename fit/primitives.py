@@ -182,6 +182,14 @@ class PrimitiveSet:
         lower, upper = finite.boxes()
         return lower.min(axis=0), upper.max(axis=0)
 
+    def bounding_radii(self) -> Float64:
+        """Radius (n,) of the ball about each primitive's position that holds it; infinite for half-spaces."""
+        half = np.where(self.is_half_space[:, None], np.inf, self.sizes / 2)
+        half[self.kinds == Kind.SPHERE, 1:] = 0.0
+        half[self.kinds == Kind.CYLINDER, 2] = 0.0
+        radii: Float64 = np.linalg.norm(half, axis=1)
+        return radii
+
     def face_areas(self) -> Float64:
         """Area (n, 6) that each of `FACES` stands for: a sixth of a sphere, a quarter of a cylinder's side;
         of a half-space, infinity for +y and 0 for the rest."""

@@ -6,7 +6,9 @@ After a change: `python -m runtime.structs`.
 from __future__ import annotations
 
 from runtime.camera import Frame
+from runtime.candidate_grid import ListUse
 from runtime.cascades import DdgiCascade, DdgiInfo
+from runtime.clusters import Cluster
 from runtime.ddgi import DdgiUpdate, RelocateSettings
 from runtime.emitters import Emitter
 from runtime.lights import Light, Lighting
@@ -31,6 +33,8 @@ STRUCTS: tuple[type[GpuStruct], ...] = (
     SurfaceMaterial,
     Display,
     WorldInfo,
+    ListUse,
+    Cluster,
     Emitter,
     GatherInfo,
     TracedRay,

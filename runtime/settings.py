@@ -9,6 +9,10 @@ from typing import Any
 
 from runtime.twins import color
 
+CULLINGS = ("grid", "clusters", "none")
+"""How a query finds the nearest primitive: exact lists on a grid, K-means clusters, or by asking all. All
+three give the same hits. In the order of `world/bindings.wgsl`."""
+
 
 class ToneCurve(StrEnum):
     """Scene light to display light."""
@@ -55,13 +59,47 @@ class ShadowSettings:
 
 
 @dataclass(frozen=True)
+class WorldSettings:
+    """How the world is searched. Shares are of the bounding diagonal of the finite primitives.
+
+    culling: one of `CULLINGS`.
+    cells: about how many cells the grid has; None follows the number of primitives.
+    list_length: room for a list of that mean length at first; it grows.
+    clusters: how many K-means makes; None follows the number of primitives. seed: of its first choice.
+    hit_distance_share: a ray this near to a surface has met it.
+    start_margin: free distance, metres, that a look from a surface starts with (None: `start_margin_share`).
+    start_limit: how far, metres, a point that lies inside a primitive may be moved out, about twice the
+    fit's error (None: `start_limit_share`).
+    """
+
+    culling: str = "grid"
+    cells: int | None = None
+    list_length: int = 16
+    clusters: int | None = None
+    seed: int = 0
+    hit_distance_share: float = 1e-5
+    start_margin: float | None = None
+    start_margin_share: float = 5e-4
+    start_limit: float | None = None
+    start_limit_share: float = 1e-2
+
+    def __post_init__(self) -> None:
+        if self.culling not in CULLINGS:
+            raise ValueError(f"culling {self.culling!r} is not known; use {', '.join(CULLINGS)}")
+        if self.list_length < 1 or (self.cells is not None and self.cells < 1):
+            raise ValueError("cells and list_length must be at least 1")
+        if self.clusters is not None and self.clusters < 1:
+            raise ValueError(f"{self.clusters} clusters; there must be at least 1")
+
+
+@dataclass(frozen=True)
 class RenderSettings:
     """Everything about a picture but the scene, its lighting and the camera.
 
     size: width and height in pixels. gi: name of the global illumination technique; technique: its own
     settings, or None for its defaults. glossy: smooth surfaces and metals reflect, else base colour is all
     diffuse, as in comparisons. exposure: stops (EV), never automatic. max_texture_size: wider
-    textures are halved until they fit.
+    textures are halved until they fit. world: how the primitives are searched.
     """
 
     size: tuple[int, int] = (640, 360)
@@ -72,6 +110,7 @@ class RenderSettings:
     tone_curve: ToneCurve = ToneCurve.ACES
     max_texture_size: int = 2048
     shadows: ShadowSettings = field(default_factory=ShadowSettings)
+    world: WorldSettings = field(default_factory=WorldSettings)
 
     def __post_init__(self) -> None:
         if not all(1 <= length <= 8192 for length in self.size):

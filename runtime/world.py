@@ -1,4 +1,5 @@
-"""The world on the GPU: primitive records, and the grid of candidate lists that finds the nearest of them.
+"""The world on the GPU: primitive records, and what finds the nearest of them: candidate lists on a grid, or
+clusters.
 
 Everything on the GPU is in local space: world minus `origin`, which is subtracted in float64, so that
 scenes far from zero keep their precision.
@@ -6,9 +7,7 @@ scenes far from zero keep their precision.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,76 +15,34 @@ from numpy.typing import ArrayLike, NDArray
 
 from fit.primitives import GPU_RECORD_BYTES, PrimitiveSet, pack_gpu
 from fit.scene import Scene
+from runtime.candidate_grid import CandidateGrid, ListStatistics
+from runtime.clusters import MOST_CLUSTERS, Cluster, Clustering, cluster_count, find_clusters, pack_clusters
 from runtime.device import Gpu
 from runtime.emitters import Emitters, primitive_emitters
 from runtime.encoder import Recorder
-from runtime.kernel import Kernel
 from runtime.resources import Buffer
+from runtime.settings import CULLINGS, WorldSettings
 from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u
 
+__all__ = ["CULLINGS", "ListStatistics", "World", "WorldInfo", "WorldSettings"]
+
 Float64 = NDArray[np.float64]
-
-log = logging.getLogger(__name__)
-
-CULLINGS = ("grid", "none")
-"""How a query finds its candidates: exact lists on a grid, or all primitives. Both give the same hits."""
-
-LARGEST_GRID_AXIS = 128
 
 
 class WorldInfo(GpuStruct):
     grid_lower: vec3f
     grid_cell: f32
     grid_upper: vec3f
-    stride: u32
+    culling: u32
     grid_size: vec3u
     primitive_count: u32
     finite_count: u32
+    cluster_count: u32
     hit_distance: f32
     start_margin: f32
     start_limit: f32
     emitter_count: u32
     emitter_power: f32
-
-
-@dataclass(frozen=True)
-class WorldSettings:
-    """How the world is searched. Shares are of the bounding diagonal of the finite primitives.
-
-    culling: one of `CULLINGS`.
-    cells: about how many cells the grid has.
-    list_length: room for that many candidates in a cell at first; it grows.
-    hit_distance_share: a ray this near to a surface has met it.
-    start_margin: free distance, metres, that a look from a surface starts with (None: `start_margin_share`).
-    start_limit: how far, metres, a point that lies inside a primitive may be moved out, about twice the
-    fit's error (None: `start_limit_share`).
-    """
-
-    culling: str = "grid"
-    cells: int = 4096
-    list_length: int = 31
-    hit_distance_share: float = 1e-5
-    start_margin: float | None = None
-    start_margin_share: float = 5e-4
-    start_limit: float | None = None
-    start_limit_share: float = 1e-2
-
-    def __post_init__(self) -> None:
-        if self.culling not in CULLINGS:
-            raise ValueError(f"culling {self.culling!r} is not known; use {' or '.join(CULLINGS)}")
-        if self.cells < 1 or self.list_length < 1:
-            raise ValueError("cells and list_length must be at least 1")
-
-
-@dataclass(frozen=True)
-class ListStatistics:
-    """The candidate lists: cells, room in each, the longest list wanted, the mean, and cells that ask all."""
-
-    cells: int
-    room: int
-    longest: int
-    mean: float
-    overflowing: int
 
 
 class World:
@@ -110,28 +67,27 @@ class World:
             _centre(scene, primitives) if origin is None else np.array(origin, dtype=np.float64)
         )
         self.version = 0
-        self._build = Kernel(gpu, "world/build_candidates")
+        self.grid = CandidateGrid(gpu, self.settings)
+        self.clustering: Clustering | None = None
         self._info = Buffer(gpu, WorldInfo.dtype.itemsize, "uniform", label="world info")
-        self._longest = Buffer(gpu, np.zeros(1, np.uint32), label="longest candidate list")
+        self._clusters = Buffer(gpu, MOST_CLUSTERS * Cluster.dtype.itemsize, label="clusters")
+        self.cluster_count = 0
         self._records: Buffer | None = None
-        self._lists: Buffer | None = None
         self._emitters: Buffer | None = None
-        # Without culling there is one cell whose list never fits, so that every query asks all primitives.
-        self._room = self.settings.list_length if self.settings.culling == "grid" else 0
         self._is_stale = True
-        self._is_unchecked = True
-        self.primitives = primitives
+        self._most_checked = -1
         self.update(primitives)
 
     def update(self, primitives: PrimitiveSet) -> None:
         """Replaces the primitives; the candidate lists follow before the next use. No pipeline is rebuilt."""
-        finite = ~primitives.is_half_space
-        self.order = np.concatenate([np.flatnonzero(finite), np.flatnonzero(~finite)])
-        """Index in the given set of each primitive on the GPU, where half-spaces come last."""
-        if self._records is None or len(primitives) != len(self.primitives):
-            self._is_unchecked = True
         self.primitives = primitives
-        self.finite_count = int(np.count_nonzero(finite))
+        is_finite = ~primitives.is_half_space
+        finite = np.flatnonzero(is_finite)
+        if self.settings.culling == "clusters" and len(finite):
+            finite = finite[self._cluster(primitives.select(finite))]
+        self.finite_count = len(finite)
+        self.order = np.concatenate([finite, np.flatnonzero(~is_finite)])
+        """Index in the given set of each primitive on the GPU, where half-spaces come last."""
         words = pack_gpu(primitives, self.origin)[self.order]
         if self._records is None or self._records.size < words.nbytes:
             room = max(len(words), 1) * GPU_RECORD_BYTES
@@ -144,28 +100,36 @@ class World:
         self.version += 1
 
     def record(self, rec: Recorder) -> None:
-        """Rebuilds the candidate lists when the primitives changed. A list that is too long for its room
-        is never cut: its cell asks all primitives until the room has grown, which is checked whenever
-        their number changes."""
+        """Rebuilds the candidate lists when the primitives changed. A list for which there is no room is
+        never cut: its cell asks all primitives until there is, which `check` sees to, and which is checked
+        whenever there are more primitives than ever."""
         if not self._is_stale:
             return
-        if self._is_unchecked:
+        if len(self.primitives) > self._most_checked:
             self._build_now()
             return
-        self._is_stale = False
-        with rec.compute(self._build.name) as compute_pass:
-            self._dispatch(compute_pass)
+        self._record_lists(rec)
 
     def bindings(self) -> Mapping[str, Any]:
         """Group 1 of every kernel that asks the world."""
-        if self._is_stale or self._is_unchecked:
+        if self._is_stale:
             self._build_now()
         return {
             "world": self._info,
             "primitives": self._records,
-            "candidates": self._lists,
+            "candidates": self.grid.buffer if self.settings.culling == "grid" else self._clusters,
             "emitters": self._emitters,
         }
+
+    def check(self) -> ListStatistics | None:
+        """How the candidate lists fit, None without them. Where one had no room, there is in the next frame.
+        Waits for the GPU."""
+        if self.settings.culling != "grid":
+            return None
+        statistics = self.list_statistics()
+        if statistics.overflowing:
+            self._is_stale = self.grid.grow()
+        return statistics
 
     def to_local(self, points: ArrayLike) -> Float64:
         """World positions (n, 3) as the GPU holds them."""
@@ -180,19 +144,25 @@ class World:
     @property
     def memory(self) -> int:
         """Bytes on the GPU."""
-        buffers = (self._info, self._longest, self._records, self._lists, self._emitters)
-        return sum(b.size for b in buffers if b is not None)
+        buffers = (self._info, self._clusters, self._records, self._emitters)
+        return self.grid.memory + sum(b.size for b in buffers if b is not None)
 
     def list_statistics(self) -> ListStatistics:
-        """Reads the candidate lists back; waits for the GPU."""
+        """Reads the candidate lists back; waits for the GPU. Raises ValueError for another culling."""
+        if self.settings.culling != "grid":
+            raise ValueError(f"culling {self.settings.culling!r} has no candidate lists")
         self.bindings()
-        assert self._lists is not None
-        cells = int(np.prod(self._grid_size))
-        counts = self._lists.read(np.uint32, (cells, self._room + 1))[:, 0]
-        full = counts == 0xFFFFFFFF
-        asked = np.where(full, self.finite_count, counts)
-        longest = int(self._longest.read(np.uint32, (1,))[0])
-        return ListStatistics(cells, self._room, longest, float(asked.mean()), int(np.count_nonzero(full)))
+        return self.grid.statistics(self.finite_count)
+
+    def _cluster(self, finite: PrimitiveSet) -> NDArray[np.intp]:
+        """Clusters the finite primitives; their order on the GPU."""
+        centres = self.to_local(finite.positions)
+        count = self.settings.clusters or cluster_count(len(finite))
+        self.clustering = find_clusters(centres, count, self.settings.seed, self.clustering)
+        records = pack_clusters(self.clustering, centres, finite.bounding_radii())
+        self._clusters.write(records)
+        self.cluster_count = len(records)
+        return self.clustering.order
 
     def _write_emitters(self, shining: Emitters) -> None:
         self._shining = shining
@@ -202,36 +172,30 @@ class World:
 
     def _measure(self) -> None:
         """Lays the grid around the finite primitives and writes the world's measures."""
-        s = self.settings
         if self.finite_count:
             lower, upper = self.primitives.bounds()
         else:
             lower, upper = self.origin, self.origin
         self.bounds = (lower, upper)
         pad = 0.01 * self.diagonal
-        low, extent = lower - self.origin - pad, upper - lower + 2 * pad
-        cells = s.cells if s.culling == "grid" else 1
-        cell = _cell_size(extent, cells)
-        self._grid_size = np.clip(np.ceil(extent / cell - 1e-6), 1, LARGEST_GRID_AXIS).astype(np.uint32)
+        self.grid.lay(lower - self.origin - pad, upper - lower + 2 * pad, self.finite_count)
         self._info.write(
             WorldInfo.pack(
-                grid_lower=low,
-                grid_cell=cell,
-                grid_upper=low + self._grid_size * cell,
-                stride=self._room + 1,
-                grid_size=self._grid_size,
+                grid_lower=self.grid.lower,
+                grid_cell=self.grid.cell,
+                grid_upper=self.grid.lower + self.grid.size * self.grid.cell,
+                culling=CULLINGS.index(self.settings.culling),
+                grid_size=self.grid.size,
                 primitive_count=len(self.primitives),
                 finite_count=self.finite_count,
-                hit_distance=s.hit_distance_share * self.diagonal,
+                cluster_count=self.cluster_count,
+                hit_distance=self.settings.hit_distance_share * self.diagonal,
                 start_margin=self.start_margin,
                 start_limit=self.start_limit,
                 emitter_count=self._shining.count,
                 emitter_power=self._shining.power,
             )
         )
-        size = 4 * int(np.prod(self._grid_size)) * (self._room + 1)
-        if self._lists is None or self._lists.size < size:
-            self._lists = Buffer(self.gpu, size, label="candidate lists")
 
     @property
     def start_margin(self) -> float:
@@ -245,25 +209,20 @@ class World:
         s = self.settings
         return s.start_limit_share * self.diagonal if s.start_limit is None else s.start_limit
 
-    def _dispatch(self, compute_pass: Any) -> None:
-        assert self._records is not None and self._lists is not None
-        shared = {"world": self._info, "primitives": self._records}
-        groups = self._build.groups_for(int(np.prod(self._grid_size)))
-        self._build.dispatch(compute_pass, groups, shared, lists=self._lists, longest=self._longest)
+    def _record_lists(self, rec: Recorder) -> None:
+        self._is_stale = False
+        if self.settings.culling == "grid" and self.finite_count:
+            self.grid.record(rec, {"world": self._info, "primitives": self._records})
 
     def _build_now(self) -> None:
-        """Builds the lists in a submission of their own, and again with more room while one did not fit."""
-        self._longest.write(np.zeros(1, np.uint32))
-        rec = Recorder(self.gpu, label="world")
-        self._is_stale, self._is_unchecked = True, False
-        self.record(rec)
-        rec.submit()
-        longest = int(self._longest.read(np.uint32, (1,))[0])
-        if longest > self._room and self.settings.culling == "grid":
-            log.info("candidate lists grow from %d to %d entries", self._room, longest)
-            self._room = longest + longest // 4
-            self._measure()
-            self._build_now()
+        """Builds the lists in a submission of their own, and again with more room where some had none."""
+        self._most_checked = max(self._most_checked, len(self.primitives))
+        while self._is_stale:
+            rec = Recorder(self.gpu, label="world")
+            self._record_lists(rec)
+            rec.submit()
+            if self.settings.culling == "grid":
+                self._is_stale = self.grid.grow()
 
 
 def _centre(scene: Scene | None, primitives: PrimitiveSet) -> Float64:
@@ -274,12 +233,3 @@ def _centre(scene: Scene | None, primitives: PrimitiveSet) -> Float64:
     else:
         return np.zeros(3)
     return (lower + upper) / 2
-
-
-def _cell_size(extent: Float64, cells: int) -> float:
-    """Edge of cubic cells such that a box of this extent holds about `cells` of them."""
-    if cells == 1:
-        return float(extent.max())
-    thin = np.maximum(extent, extent.max() / LARGEST_GRID_AXIS)
-    cell = float(np.cbrt(np.prod(thin) / cells))
-    return max(cell, float(extent.max()) / LARGEST_GRID_AXIS)

@@ -67,15 +67,29 @@ struct WorldInfo {  // 80 bytes
     grid_lower: vec3f,     // 0
     grid_cell: f32,        // 12
     grid_upper: vec3f,     // 16
-    stride: u32,           // 28
+    culling: u32,          // 28
     grid_size: vec3u,      // 32
     primitive_count: u32,  // 44
     finite_count: u32,     // 48
-    hit_distance: f32,     // 52
-    start_margin: f32,     // 56
-    start_limit: f32,      // 60
-    emitter_count: u32,    // 64
-    emitter_power: f32,    // 68
+    cluster_count: u32,    // 52
+    hit_distance: f32,     // 56
+    start_margin: f32,     // 60
+    start_limit: f32,      // 64
+    emitter_count: u32,    // 68
+    emitter_power: f32,    // 72
+}
+
+struct ListUse {  // 16 bytes
+    entries: atomic<u32>,        // 0
+    longest: atomic<u32>,        // 4
+    overflowing: atomic<u32>,    // 8
+    block_entries: atomic<u32>,  // 12
+}
+
+struct Cluster {  // 32 bytes
+    ball: vec4f,  // 0
+    first: u32,   // 16
+    count: u32,   // 20
 }
 
 struct Emitter {  // 12 bytes
@@ -95,7 +109,7 @@ struct TracedRay {  // 32 bytes
     softness: f32,     // 28
 }
 
-struct RayHit {  // 64 bytes
+struct RayHit {  // 80 bytes
     position: vec3f,  // 0
     t: f32,           // 12
     normal: vec3f,    // 16
@@ -104,6 +118,7 @@ struct RayHit {  // 64 bytes
     steps: u32,       // 44
     emission: vec3f,  // 48
     visibility: f32,  // 60
+    asked: u32,       // 64
 }
 
 struct ProbeGridInfo {  // 64 bytes

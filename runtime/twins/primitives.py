@@ -59,6 +59,14 @@ def decode_shape(first: UInt32, second: UInt32) -> Shape:
     )
 
 
+def decode_bounds(first: UInt32, second: UInt32) -> Array:
+    """Balls (n, 4) around finite primitives, centre and radius, from the same words."""
+    shape = decode_shape(first, second)
+    half = np.where((shape.kind == CYLINDER)[:, None], shape.half * [1, 1, 0], shape.half)
+    radius = np.where(shape.kind == SPHERE, shape.half[:, 0], np.linalg.norm(half, axis=1))
+    return np.concatenate([shape.position, radius[:, None]], axis=1)
+
+
 def shape_is_half_space(shape: Shape) -> NDArray[np.bool_]:
     """Mask (n,)."""
     return shape.half[:, 0] < 0

@@ -14,8 +14,11 @@ from fit.primitives import (
     pack_gpu,
     unpack_gpu,
 )
-from runtime.tracer import Tracer
+from runtime.clusters import pack_clusters
+from runtime.tracer import STRIDES, Tracer
 from runtime.twins import reference
+from runtime.twins.candidates import candidate_surplus, nearest_in_clusters
+from runtime.twins.march import march_by_strides
 from runtime.world import CULLINGS, World, WorldSettings
 
 RAYS = 20_000
@@ -89,16 +92,118 @@ def test_hits_are_those_of_the_equations(gpu, culling, count):
     assert glow.mean() > 0.998
 
 
-def test_both_cullings_give_the_same_hits(gpu):
-    primitives = random_scene(60, seed=5)
-    rays = random_rays(primitives)
-    a, b = (
+def crowd(count: int, seed: int) -> PrimitiveSet:
+    """Small primitives, turned at random, many of which overlap."""
+    return random_scene(count, seed).transformed(np.diag([3.0, 3.0, 3.0, 1.0]))
+
+
+SETS = {
+    "one box": make_box((0, 0, 0), (1, 2, 3)),
+    "two boxes in one place": PrimitiveSet.concatenate([make_box((1, 0, 0), (3, 2, 3))] * 2),
+    "half-spaces": PrimitiveSet.concatenate([make_half_space((0, -7, 0)), make_half_space((0, -8, 0))]),
+    "turned and overlapping": random_scene(60, seed=5),
+    "200 apart": crowd(200, seed=6),
+    "1,000": crowd(1000, seed=7),
+}
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_all_cullings_give_the_same_hits(gpu, name):
+    primitives = SETS[name]
+    rays = tuple(column[:800] for column in random_rays(primitives))
+    by_culling = [
         Tracer(gpu, World(gpu, None, primitives, settings=WorldSettings(culling=culling))).trace(*rays)
         for culling in CULLINGS
+    ]
+    truth = by_culling[CULLINGS.index("none")]
+    assert (truth.primitive >= 0).mean() > 0.02
+    for hits in by_culling:
+        assert np.mean(hits.primitive == truth.primitive) > 0.997 or name == "two boxes in one place"
+        assert np.mean((hits.primitive < 0) == (truth.primitive < 0)) > 0.999
+        both = (hits.primitive == truth.primitive) & (hits.primitive >= 0)
+        assert np.percentile(np.abs(hits.t - truth.t)[both], 99.9) < 1e-3
+        if name == "1,000":
+            assert hits.asked.sum() < 0.3 * truth.asked.sum() or hits is truth
+
+
+@pytest.mark.parametrize("strides", STRIDES)
+def test_all_strides_give_the_hits_of_plain_ones(gpu, strides):
+    """But for rays that plain strides do not bring to their end: longer ones are right more often there."""
+    primitives = crowd(200, seed=11)
+    world = World(gpu, None, primitives)
+    rays = tuple(column[:3000] for column in random_rays(primitives))
+    plain = Tracer(gpu, world, "plain").trace(*rays)
+    hits = Tracer(gpu, world, strides).trace(*rays)
+    arrived = plain.steps < 128
+    assert np.mean(hits.primitive[arrived] == plain.primitive[arrived]) > 0.9995
+    both = (hits.primitive == plain.primitive) & (hits.primitive >= 0)
+    assert np.percentile(np.abs(hits.t - plain.t)[both], 99) < 3e-5 * world.diagonal
+    truth = reference.intersect(primitives, *rays)[1]
+    assert np.count_nonzero(hits.primitive != truth) <= np.count_nonzero(plain.primitive != truth)
+    if strides != "plain":
+        assert hits.steps.sum() < 0.95 * plain.steps.sum()
+
+
+@pytest.mark.parametrize("strides", STRIDES)
+def test_steps_are_those_of_the_twin(gpu, strides):
+    primitives = random_scene(40, seed=13, ground=False)
+    world = World(gpu, None, primitives, settings=WorldSettings(culling="none"))
+    origins, directions = (column[:2000] for column in random_rays(primitives))
+    inside = np.all(np.abs(origins) < 4, axis=1)
+    origins, directions = origins[inside], directions[inside]
+    hits = Tracer(gpu, world, strides).trace(origins, directions, 3.0)
+    twin = march_by_strides(
+        STRIDES.index(strides),
+        primitives,
+        origins,
+        directions,
+        np.full(len(origins), 3.0),
+        1e-5 * world.diagonal,
     )
-    assert np.mean(a.primitive == b.primitive) > 0.9995
-    both = (a.primitive == b.primitive) & (a.primitive >= 0)
-    assert np.percentile(np.abs(a.t - b.t)[both], 99.9) < 1e-3
+    assert np.mean(hits.primitive == twin.primitive) > 0.99
+    met = (hits.primitive == twin.primitive) & (twin.primitive >= 0)
+    assert met.sum() > 50
+    np.testing.assert_allclose(hits.t[met], twin.t[met], atol=1e-3)
+    assert np.mean(hits.steps[met] == twin.steps[met]) > 0.95
+
+
+@pytest.mark.parametrize("count", [1, 300])
+def test_lists_are_those_of_the_twin(gpu, count):
+    """What is listed is nearer than the reach, what is not is farther, in rising order."""
+    primitives = random_scene(count, seed=count)
+    world = World(gpu, None, primitives, settings=WorldSettings(cells=3000))
+    world.bindings()
+    finite = primitives.select(world.order[: world.finite_count])
+    grid = world.grid
+    surplus = candidate_surplus(finite, grid.lower + world.origin, grid.cell, grid.size)
+    lists = grid.lists()
+    assert len(lists) == len(surplus) == grid.cells
+    listed = np.zeros(surplus.shape, bool)
+    for row, found in zip(listed, lists, strict=True):
+        assert np.all(np.diff(found.astype(int)) > 0)
+        row[found] = True
+    doubtful = np.abs(surplus) < 1e-4
+    np.testing.assert_array_equal(listed[~doubtful], (surplus <= 0)[~doubtful])
+    assert world.list_statistics().mean == pytest.approx(listed.sum(axis=1).mean())
+
+
+def test_clusters_are_asked_as_by_the_twin(gpu):
+    """By rays too short to meet anything: where they do not leave what is nearest, they ask once."""
+    primitives = crowd(150, seed=3).select(np.arange(1, 151))
+    settings = WorldSettings(culling="clusters", clusters=12)
+    world = World(gpu, None, primitives, origin=(0, 0, 0), settings=settings)
+    radii = primitives.bounding_radii()
+    records = pack_clusters(world.clustering, primitives.positions, radii)
+    balls, labels = records["ball"].astype(np.float64), world.clustering.labels
+    outside = np.linalg.norm(primitives.positions - balls[labels, :3], axis=1) + radii - balls[labels, 3]
+    assert len(balls) == 12 and outside.max() < 1e-5
+    points, directions = (column[:500] for column in random_rays(primitives))
+    hits = Tracer(gpu, world).trace(points, directions, 1e-6)
+    _, index, asked = nearest_in_clusters(primitives, balls, labels, points, np.full(len(points), np.inf))
+    once = hits.steps == 1
+    assert once.sum() > 100
+    assert np.mean(hits.asked[once] == asked[once]) > 0.99 and asked.mean() < 100
+    np.testing.assert_array_equal(index, sdf.union_distance(primitives, points)[1])
 
 
 def test_visibility_is_blocked_exactly_by_what_lies_between(gpu):
@@ -157,7 +262,7 @@ def test_lists_are_shorter_than_the_set_and_grow_when_they_must(gpu, caplog):
     short = world.list_statistics()
     assert short.overflowing == 0
     assert short.mean < 20 < len(primitives)
-    with caplog.at_level("INFO", logger="runtime.world"):
+    with caplog.at_level("INFO", logger="runtime.candidate_grid"):
         grown = World(gpu, None, primitives, settings=WorldSettings(list_length=2)).list_statistics()
     assert "candidate lists grow" in caplog.text
     assert grown.overflowing == 0

@@ -75,12 +75,15 @@ NOT_LIBRARIES = {"__init__", "reference"}
 MODULES = sorted(
     p.stem for p in Path(runtime.twins.__file__).parent.glob("*.py") if p.stem not in NOT_LIBRARIES
 )
-FUNCTIONS = [f for m in MODULES if (SHADERS / "lib" / f"{m}.wgsl").exists() for f in functions_of(m)]
 
 BOUND = {"candidates", "march", "frame", "light_list", "lights", "emitters", "sight"}
 """Modules of bound resources, of functions that ask them, and of what they return; tests/gi/test_tracer.py,
 tests/gi/test_emitters.py and tests/runtime hold them to their references.
 """
+
+FUNCTIONS = [
+    f for m in MODULES if m not in BOUND and (SHADERS / "lib" / f"{m}.wgsl").exists() for f in functions_of(m)
+]
 
 UNTWINNED = {"sky_texel_blend", "sky_radiance", "sky_radiance_within"}
 """Functions of twinned modules that read a texture; tests/runtime checks them."""
@@ -167,6 +170,9 @@ DOMAINS: dict[str, Callable[[np.random.Generator, int], np.ndarray]] = {
     "range": uniform(-1, 8),
     "distance": uniform(0.05, 10),
     "depth": uniform(0.05, 1),
+    "method": integers(0, 4),
+    "slope": uniform(-1, 0.5),
+    "measured": uniform(-1.1, 1.1),
     "tile_size": uniform(16, 2000),
 }
 

@@ -4,13 +4,19 @@
 // crosses it. All primitives are convex: a ray that starts by leaving one never meets it again, so that one is left
 // out, and rays that graze the surface they start from take long steps at once.
 
-import package::lib::candidates::{Nearest, nearest_finite, nearest_primitive, world_distance};
+import package::lib::candidates::{Nearest, nearest_finite_within, nearest_primitive, world_distance};
 import package::lib::primitives::{decode_albedo, decode_emission, shape_face, shape_gradient};
+import package::lib::stride::{STRIDE_HEAD_ON, STRIDE_PLAIN, stride_first_slope, stride_length, stride_next_slope};
 import package::world::bindings::{FAR, NO_PRIMITIVE, primitives, world, world_shape};
 
 // A ray that has not arrived after so many steps creeps along a surface and counts as having met it: a ray that
 // were let through instead would leak.
 const MARCH_STEPS: u32 = 128u;
+
+// How long the strides are, of lib/stride, and whether a query is told how far its answer can be (SDFDDGI, eq. 4). All
+// settings give the same hits; docs/gi.md has what each costs.
+override MARCH_STRIDES: u32 = 3u;
+override MARCH_BOUND: u32 = 1u;
 
 // Strides of `trace_start`, the least of them as a share of the margin, and the share of its distance that a point
 // may lose to a stride: in a corner, the other wall comes no nearer.
@@ -29,19 +35,22 @@ struct Hit {
     albedo: vec3f,
     emission: vec3f,
     steps: u32,
+    asked: u32,
 }
 
-// Where a ray ends, without asking what the surface there is like.
+// Where a ray ends, without asking what the surface there is like. steps: queries for the nearest primitive; asked: the
+// distances to primitives that these took.
 struct Arrival {
     t: f32,
     primitive: u32,
     steps: u32,
+    asked: u32,
     // The smallest (distance to a primitive) / (distance along the ray) at the points where the ray passes one by.
     clearance: f32,
 }
 
 fn march_half_spaces(origin: vec3f, direction: vec3f, reach: f32) -> Arrival {
-    var arrival = Arrival(reach, NO_PRIMITIVE, 0u, FAR);
+    var arrival = Arrival(reach, NO_PRIMITIVE, 0u, 0u, FAR);
     for (var index = world.finite_count; index < world.primitive_count; index++) {
         let shape = world_shape(index);
         let normal = shape_gradient(shape, origin);
@@ -49,10 +58,10 @@ fn march_half_spaces(origin: vec3f, direction: vec3f, reach: f32) -> Arrival {
         let descent = -dot(direction, normal);
         if height <= 0.0 {
             if descent > 0.0 || height < -world.hit_distance {
-                return Arrival(0.0, index, 0u, 0.0);
+                return Arrival(0.0, index, 0u, 0u, 0.0);
             }
         } else if descent > 0.0 && height < arrival.t * descent {
-            arrival = Arrival(height / descent, index, 0u, FAR);
+            arrival = Arrival(height / descent, index, 0u, 0u, FAR);
         }
     }
     return arrival;
@@ -72,58 +81,84 @@ fn march_grid_span(origin: vec3f, direction: vec3f, reach: f32) -> vec2f {
 // Where the ray meets the world first, at most `reach` away; NO_PRIMITIVE where it meets nothing. A ray that starts
 // inside a primitive ends there at once.
 fn march_ray(origin: vec3f, direction: vec3f, reach: f32) -> Arrival {
+    return march_by_strides(MARCH_STRIDES, origin, direction, reach);
+}
+
+// A stride beyond the free ball is kept to where the ball at its end meets that at its start: then all of the way is
+// free. Else the ray steps back to where a plain stride leads. Whether it has arrived is only asked where it stays, and
+// a stride ends at the ray's own end at most.
+fn march_by_strides(method: u32, origin: vec3f, direction: vec3f, reach: f32) -> Arrival {
     var arrival = march_half_spaces(origin, direction, reach);
     let span = march_grid_span(origin, direction, arrival.t);
     if world.finite_count == 0u || span.y <= span.x {
         return arrival;
     }
     var t = span.x;
-    let left = march_left_primitive(origin, direction, t);
-    var nearest = Nearest(FAR, NO_PRIMITIVE);
+    var radius = 0.0;
+    var stride = 0.0;
+    var slope = stride_first_slope(method);
+    var bound = FAR;
+    var left = NO_PRIMITIVE;
+    var nearest = Nearest(FAR, NO_PRIMITIVE, 0u);
     var before = FAR;
     var is_approaching = false;
     for (var step = 1u; step <= MARCH_STEPS; step++) {
-        let position = origin + direction * t;
-        nearest = nearest_finite(position, left);
+        let position = origin + direction * (t + stride);
+        nearest = nearest_finite_within(position, left, bound);
+        arrival.steps = step;
+        arrival.asked += nearest.asked;
+        if step == 1u && span.x <= 0.0 && march_is_leaving(nearest, position, direction) {
+            left = nearest.primitive;
+            continue;
+        }
+        if stride > radius && stride > radius + nearest.distance {
+            slope = STRIDE_HEAD_ON;
+            stride = radius;
+            bound = march_bound(radius, stride);
+            continue;
+        }
+        if stride > 0.0 {
+            slope = stride_next_slope(method, slope, (nearest.distance - radius) / stride);
+        }
+        t += stride;
         let is_bound = nearest.primitive == NO_PRIMITIVE;
-        var stride = nearest.distance;
-        if nearest.distance < world.hit_distance && !is_bound {
+        radius = nearest.distance;
+        if radius < world.hit_distance && !is_bound {
             if !march_is_leaving(nearest, position, direction) {
-                return Arrival(t, nearest.primitive, step, 0.0);
+                return Arrival(t, nearest.primitive, step, arrival.asked, 0.0);
             }
-            stride = world.hit_distance;
+            radius = world.hit_distance;
+            slope = STRIDE_HEAD_ON;
         }
         if nearest.distance > before || is_bound {
             if is_approaching {
                 arrival.clearance = min(arrival.clearance, before / t);
             }
             is_approaching = false;
-        } else if step > 1u && nearest.distance < before {
+        } else if before < FAR && nearest.distance < before {
             is_approaching = true;
         }
         before = select(nearest.distance, 0.0, is_bound);
-        t += stride;
-        arrival.steps = step;
-        if t >= span.y {
+        if t + radius >= span.y {
             return arrival;
         }
+        stride = min(stride_length(method, radius, slope), span.y - t);
+        bound = select(march_bound(radius, stride), FAR, is_bound);
     }
-    return Arrival(t, select(nearest.primitive, left, nearest.primitive == NO_PRIMITIVE), MARCH_STEPS, 0.0);
+    return Arrival(t, select(nearest.primitive, left, nearest.primitive == NO_PRIMITIVE), MARCH_STEPS, arrival.asked, 0.0);
+}
+
+// No distance grows by more than the stride (SDFDDGI, eq. 3 and 4: twice the last one, for a plain stride); the hit
+// distance covers rounding.
+fn march_bound(distance: f32, stride: f32) -> f32 {
+    return select(FAR, distance + stride + world.hit_distance, MARCH_BOUND != 0u);
 }
 
 // Whether a ray at a position on a primitive's surface, or outside of it, goes away from it.
 fn march_is_leaving(nearest: Nearest, position: vec3f, direction: vec3f) -> bool {
-    return nearest.distance > -world.hit_distance
+    return nearest.primitive != NO_PRIMITIVE
+        && nearest.distance > -world.hit_distance
         && dot(shape_gradient(world_shape(nearest.primitive), position), direction) >= 0.0;
-}
-
-// The nearest primitive, when a ray starts by leaving it; else NO_PRIMITIVE.
-fn march_left_primitive(origin: vec3f, direction: vec3f, start: f32) -> u32 {
-    if start > 0.0 {
-        return NO_PRIMITIVE;
-    }
-    let nearest = nearest_finite(origin, NO_PRIMITIVE);
-    return select(NO_PRIMITIVE, nearest.primitive, march_is_leaving(nearest, origin, direction));
 }
 
 // The surface that a ray sees; its primitive is NO_PRIMITIVE, and t the reach, where it sees none.
@@ -131,7 +166,7 @@ fn trace(origin: vec3f, direction: vec3f, reach: f32) -> Hit {
     let arrival = march_ray(origin, direction, reach);
     let position = origin + direction * arrival.t;
     if arrival.primitive == NO_PRIMITIVE {
-        return Hit(reach, NO_PRIMITIVE, position, -direction, vec3f(0.0), vec3f(0.0), arrival.steps);
+        return Hit(reach, NO_PRIMITIVE, position, -direction, vec3f(0.0), vec3f(0.0), arrival.steps, arrival.asked);
     }
     let shape = world_shape(arrival.primitive);
     let face = shape_face(shape, position);
@@ -140,7 +175,7 @@ fn trace(origin: vec3f, direction: vec3f, reach: f32) -> Hit {
     let albedo = decode_albedo(word);
     let emission = decode_emission(word, last.z, last.w);
     let normal = shape_gradient(shape, position);
-    return Hit(arrival.t, arrival.primitive, position, normal, albedo, emission, arrival.steps);
+    return Hit(arrival.t, arrival.primitive, position, normal, albedo, emission, arrival.steps, arrival.asked);
 }
 
 // 1 when nothing lies on the way from `origin` along `direction` as far as `reach`, else 0.
@@ -150,9 +185,9 @@ fn trace_visibility(origin: vec3f, direction: vec3f, reach: f32) -> f32 {
 
 // The same with a penumbra (Aaltonen 2018): a way that passes a primitive by within `softness` radians, seen from the
 // origin, lets through less. Only passing by counts, not the surface that the way leaves or the one it ends at, so
-// that no surface darkens itself.
+// that no surface darkens itself. Strides are plain: longer ones would look at the narrow places too seldom.
 fn trace_soft_visibility(origin: vec3f, direction: vec3f, reach: f32, softness: f32) -> f32 {
-    let arrival = march_ray(origin, direction, reach);
+    let arrival = march_by_strides(STRIDE_PLAIN, origin, direction, reach);
     if arrival.primitive != NO_PRIMITIVE {
         return 0.0;
     }

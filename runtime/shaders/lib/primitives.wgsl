@@ -52,6 +52,14 @@ fn decode_shape(first: vec4u, second: vec4u) -> Shape {
     return Shape(position, second.z & 3u, half, decode_rotation(second.zw));
 }
 
+// Centre and radius of the ball around a finite primitive, from the same words; its rotation is not asked.
+fn decode_bounds(first: vec4u, second: vec4u) -> vec4f {
+    let half = vec3f(bitcast<f32>(first.w), bitcast<vec2f>(second.xy));
+    let kind = second.z & 3u;
+    let across = select(half, vec3f(half.xy, 0.0), kind == CYLINDER);
+    return vec4f(bitcast<vec3f>(first.xyz), select(length(across), half.x, kind == SPHERE));
+}
+
 fn shape_is_half_space(shape: Shape) -> bool {
     return shape.half.x < 0.0;
 }
