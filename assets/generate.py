@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from demonstrations import DEMONSTRATIONS
 from glb import Glb
-from moving import MOVING
 from scenes import SCENES
 from stage import Stage
 from stages import STAGES
@@ -20,7 +20,7 @@ def generate(folder: Path) -> list[Path]:
         fill(scene)
         files.append(folder / f"{name}.glb")
         scene.write(files[-1])
-    for name, build in (STAGES | MOVING).items():
+    for name, build in (STAGES | DEMONSTRATIONS).items():
         stage = Stage(name)
         build(stage)
         files += stage.write(folder / f"{name}.glb")

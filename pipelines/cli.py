@@ -15,6 +15,7 @@ from cyclopts import Parameter
 
 from pipelines import (
     bench_fit,
+    bench_frame,
     bench_gi,
     bench_tracing,
     compare,
@@ -672,6 +673,75 @@ def bench_tracers(
     with terminal.progress() as update:
         report = bench_tracing.run(settings, update)
     terminal.result(report, lambda: bench_tracing.show(report, settings, terminal))
+    return OK
+
+
+@bench.command(name="frame")
+def bench_frames(
+    scene: Path,
+    *,
+    output: Annotated[Path, Output],
+    set_: Annotated[list[Path], Parameter(name="--set", negative="")],
+    preset: str = "balanced",
+    size: str | None = None,
+    frames: int = 300,
+    max_probes: int | None = None,
+    camera: Annotated[str | None, Numbers] = None,
+    sun: Annotated[str | None, Numbers] = None,
+    sky: Annotated[str | None, Numbers] = None,
+    lights: Literal["file"] | None = None,
+    scale: float = 1.0,
+    json: Annotated[bool, Flag] = False,
+) -> int:
+    """Time SDFDDGI by stage over sets of primitives while camera and sun move: Tables 1 to 3 of its paper.
+
+    Writes OUTPUT/frame.json and OUTPUT/frame.md, our rows beside the paper's.
+
+    Parameters
+    ----------
+    scene
+        A .gltf or .glb file.
+    output
+        Folder for the results.
+    set_
+        A set of primitives of the scene, from convert. May be given several times, the smallest first.
+    preset
+        The committed settings that every figure is of: balanced.
+    size
+        Width x height in pixels; the preset's own, 1920x1080, by default.
+    frames
+        Frames that are timed, after 64 that are not.
+    max_probes
+        Probes at most, instead of the preset's; a software adapter takes 256.
+    camera
+        As for render.
+    sun
+        As for render.
+    sky
+        As for render.
+    lights
+        As for render.
+    scale
+        Multiplies every length.
+    json
+        Print the report as JSON.
+    """
+    terminal = Terminal(json)
+    settings = bench_frame.FrameBenchSettings(
+        scene,
+        output,
+        tuple(set_),
+        preset,
+        parse_size(size) if size else None,
+        frames,
+        max_probes=max_probes,
+        camera=camera,
+        lighting=render.LightingOptions(sun, sky, lights == "file"),
+        scale=scale,
+    )
+    with terminal.progress() as update:
+        report = bench_frame.run(settings, update)
+    terminal.result(report, lambda: bench_frame.show(report, settings, terminal))
     return OK
 
 

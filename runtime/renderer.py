@@ -34,7 +34,7 @@ from runtime.resources import Buffer, Texture
 from runtime.settings import RenderSettings
 from runtime.sky import Sky, SkyMap
 from runtime.technique import FrameLight, create
-from runtime.timing import Timer
+from runtime.timing import Interval, Timer
 from runtime.views import ToneMap, Views, to_display
 from runtime.world import World
 
@@ -286,6 +286,10 @@ class Renderer:
         images = {name: self.read_view(name) for name in dict.fromkeys(("final", *only))}
         picture = self._tone_map.picture.read()[..., :3]
         return Result(images, _medians(history), frames, picture, self.settings, self.notes())
+
+    def pass_intervals(self) -> list[Interval]:
+        """When each pass ran since the last call, or the last `render`; waits for the GPU."""
+        return self._timer.intervals()
 
     def all_views(self) -> tuple[str, ...]:
         """Names that `read_view` takes: the frame's layers, the primitives', the technique's."""

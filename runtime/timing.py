@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,15 @@ import wgpu
 from runtime.device import Gpu
 
 MAX_PASSES = 2048  # between two calls of `results`; wgpu allows 4096 queries in a set
+
+
+@dataclass(frozen=True)
+class Interval:
+    """When a pass ran, in milliseconds since the first of its batch began; None where no time is kept."""
+
+    label: str
+    begin: float | None
+    end: float | None
 
 
 class Timer:
@@ -71,17 +81,25 @@ class Timer:
 
         Call it after submitting them; it waits until the GPU has run them.
         """
+        totals: dict[str, float | None] = {}
+        for one in self.intervals():
+            if one.begin is None or one.end is None:
+                totals[one.label] = None
+            else:
+                totals[one.label] = (totals.get(one.label) or 0.0) + one.end - one.begin
+        return totals
+
+    def intervals(self) -> list[Interval]:
+        """The passes since the last call, in their order, on the GPU's own clock; waits as `results` does."""
         labels, self._labels = self._labels, []
         if self._queries is None or not labels:
-            return dict.fromkeys(labels)
+            return [Interval(label, None, None) for label in labels]
         encoder = self._gpu.wgpu_device.create_command_encoder(label="timestamps")
         encoder.resolve_query_set(self._queries, 0, 2 * len(labels), self._resolved, 0)
         self._gpu.queue.submit([encoder.finish()])
         ticks = np.frombuffer(self._gpu.queue.read_buffer(self._resolved, 0, 16 * len(labels)), np.uint64)
-        elapsed = (
-            ticks[1::2].astype(np.int64) - ticks[0::2].astype(np.int64)
-        ) * 1e-6  # wgpu-native gives nanoseconds
-        totals: dict[str, float | None] = {}
-        for label, milliseconds in zip(labels, elapsed.tolist(), strict=True):
-            totals[label] = (totals.get(label) or 0.0) + milliseconds
-        return totals
+        since = (ticks.astype(np.int64) - int(ticks[0])) * 1e-6  # wgpu-native gives nanoseconds
+        return [
+            Interval(label, begin, end)
+            for label, begin, end in zip(labels, since[0::2].tolist(), since[1::2].tolist(), strict=True)
+        ]

@@ -1,4 +1,4 @@
-"""Bundled scenes in which things move: balls that bounce in a court."""
+"""Bundled stages for demonstrations: balls that bounce in a court, and a room that two probes light."""
 
 from __future__ import annotations
 
@@ -59,4 +59,18 @@ def bounce(phase: float, height: float) -> tuple[Array, Array]:
     return times, keys
 
 
-MOVING: dict[str, Callable[[Stage], None]] = {"ball_court": ball_court}
+def two_probe_room(stage: Stage) -> None:
+    """Two chambers, a wall of 2 cm with a doorway between them, and a lamp in the western one."""
+    walls = {name: WALL for name in scenes.SLABS} | {"west wall": BALLS[1], "east wall": BALLS[2]}
+    room(stage, "", (-2, 0, -1.5), (2, 2.2, 1.5), 0.1, walls)
+    stage.box("partition", WALL, (-0.01, 0, -1.5), (0.01, 2.2, 0.7))
+    stage.box("bench", WALL, (0.7, 0, -1.4), (1.5, 0.5, -0.9))
+    lamp = Matter("lamp", (0.0, 0.0, 0.0), (12.0, 10.0, 8.0))
+    stage.box("lamp", lamp, (-1.3, 2.14, -0.3), (-0.7, 2.18, 0.3))
+    stage.glb.camera("inside", (1.85, 1.7, 1.35), (-0.4, 0.75, -0.9), 80)
+
+
+DEMONSTRATIONS: dict[str, Callable[[Stage], None]] = {
+    "ball_court": ball_court,
+    "two_probe_room": two_probe_room,
+}
