@@ -49,7 +49,8 @@ class GiBenchSettings:
     sets: of the one scene, beside fits by `presets` and with `budgets`. probes: numbers of them, at most;
     rays: of a probe in a frame. cameras: names or numbers, as for `render`; without any, each file's first.
     views: a file of cameras, light and exposure for each scene, in their place: see `named_views`. size,
-    timed_size: pixels, of the pictures that are judged and of those that are timed.
+    timed_size: pixels, of the pictures that are judged and of those that are timed. cullings: ways to find
+    the nearest primitive; the first is judged, and all are timed.
     """
 
     files: tuple[Path, ...]
@@ -72,6 +73,7 @@ class GiBenchSettings:
     timed_frames: int = 32
     air: tuple[str, ...] = ()
     seed: int = 0
+    cullings: tuple[str, ...] = ("grid",)
 
     @property
     def page(self) -> Path:

@@ -140,21 +140,44 @@ class SceneBench:
         if (size := self.settings.timed_size_on(self.shots[0].studio.gpu)) != self.settings.size:
             timer = self._renderer(size, named.primitives, variant)
         passes, wall_ms = self._times(timer, update)
-        costs = pass_costs(passes, wall_ms if self.shots[0].studio.gpu.is_software else None)
+        costs = self._costs(passes, wall_ms)
         views = {
             shot.name: _errors(shot.judge, truths[shot.name], irradiance[shot.name], variant)
             for shot in self.shots
         }
         key: dict[str, Any] = {"set": named.name, "primitives": len(named.primitives)}
         key |= {"max_primitives": budget, **asdict(variant), "timed_size": size}
+        key |= {"cullings_ms": self._cullings(named.primitives, variant, size, costs["gi_ms"], update)}
         row = key | costs | _figures(views) | {"passes_ms": passes, "wall_ms": wall_ms, "views": views}
         return Lit(row, irradiance, renderer.notes())
 
-    def _renderer(self, size: tuple[int, int], primitives: PrimitiveSet, variant: Variant) -> Renderer:
+    def _costs(self, passes: dict[str, float | None], wall_ms: float) -> dict[str, float | None]:
+        return pass_costs(passes, wall_ms if self.shots[0].studio.gpu.is_software else None)
+
+    def _cullings(
+        self,
+        primitives: PrimitiveSet,
+        variant: Variant,
+        size: tuple[int, int],
+        first_ms: float | None,
+        update: Update,
+    ) -> dict[str, float | None]:
+        """Milliseconds of GI by every way to find the nearest primitive; those of the first are known."""
+        first, *others = self.settings.cullings
+        found = {first: first_ms}
+        for culling in others:
+            timer = self._renderer(size, primitives, variant, culling)
+            found[culling] = self._costs(*self._times(timer, update))["gi_ms"]
+        return found
+
+    def _renderer(
+        self, size: tuple[int, int], primitives: PrimitiveSet, variant: Variant, culling: str | None = None
+    ) -> Renderer:
         from runtime.renderer import Renderer
 
         studio = replace(self.shots[0].studio, size=size)
-        settings = studio.settings(variant.method, primitives, **variant.options)
+        culling = culling or self.settings.cullings[0]
+        settings = studio.settings(variant.method, primitives, culling=culling, **variant.options)
         return Renderer(studio.gpu, studio.scene, primitives, settings, studio.illumination)
 
     def _pictures(

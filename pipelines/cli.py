@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import cyclopts
 from cyclopts import Parameter
@@ -30,7 +30,7 @@ from pipelines.animate import TimeOptions, parse_span
 from pipelines.console import Terminal
 from pipelines.errors import UsageError
 from pipelines.machine import package_version
-from pipelines.methods import METHODS, Quality
+from pipelines.methods import METHODS, Culling, Quality
 from pipelines.options import parse_budgets, parse_names, parse_probes, parse_size
 from pipelines.worker import describe_error
 
@@ -210,6 +210,7 @@ def render_scene(
     animate: Annotated[str | None, Numbers] = None,
     frames_per_second: float = 24.0,
     animation: str | None = None,
+    culling: Culling = "grid",
     json: Annotated[bool, Flag] = False,
 ) -> int:
     """Render a glTF scene, lit through its primitives.
@@ -250,9 +251,9 @@ def render_scene(
     frames
         Frames to render; the picture is the last one.
     view
-        What to show: final, direct, indirect, irradiance, albedo, normal, depth, sdf-steps, mesh, primitives,
-        blend (the set over the mesh; red where it blocks light, blue where it leaks), side-by-side (those
-        three in one picture), ...
+        What to show: final, direct, indirect, irradiance, albedo, normal, depth, sdf-steps,
+        candidate-counts, mesh, primitives, blend (the set over the mesh; red where it blocks light, blue
+        where it leaks), side-by-side (those three in one picture), ...
     samples
         Of a reference: paths for each pixel.
     noise
@@ -268,6 +269,9 @@ def render_scene(
         Pictures of a second of --animate.
     animation
         Name of the animation that plays; inspect lists them. All play by default.
+    culling
+        How the nearest primitive is found: by exact lists on a grid, by clusters, or by asking all (none).
+        The picture is the same.
     json
         Print the report as JSON.
     """
@@ -278,7 +282,7 @@ def render_scene(
     settings = render.PictureSettings(
         scene, output, set_, gi or "sdfddgi", camera, lighting, exposure, scale, aov, parse_size(size),
         frames, view, samples, noise, glossy, quality, presets,
-        TimeOptions(time, parse_span(animate), frames_per_second, animation),
+        TimeOptions(time, parse_span(animate), frames_per_second, animation), culling,
     )  # fmt: skip
     with terminal.progress() as update:
         report = render.run(settings, update)
@@ -535,6 +539,7 @@ def bench_light(
     frames: int = bench_gi.FRAMES,
     timed_frames: int = 32,
     air: Annotated[list[str] | None, Numbers, Parameter(negative="")] = None,
+    culling: str = "grid",
     seed: int = 0,
     json: Annotated[bool, Flag] = False,
 ) -> int:
@@ -594,6 +599,9 @@ def bench_light(
         Frames that are timed, after the light has settled.
     air
         A space that is air, as for convert: outside, or a point x,y,z in it. May be given several times.
+    culling
+        Ways to find the nearest primitive, with commas between them: grid, clusters, none. The first is
+        judged, all are timed.
     seed
         Seed of all random choices.
     json
@@ -627,6 +635,7 @@ def bench_light(
         timed_frames=timed_frames,
         air=tuple(air or ()),
         seed=seed,
+        cullings=parse_names("--culling", culling, get_args(Culling)),
     )
     with terminal.progress() as update:
         report = bench_gi.run(settings, update)

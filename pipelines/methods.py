@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 Quality = Literal["fast", "balanced", "best"]
 """Names of settings that `gi_presets` holds."""
 
+Culling = Literal["grid", "clusters", "none"]
+"""`runtime.settings.CULLINGS`: how the nearest primitive is found."""
+
 SOFTWARE_PROBES = 1024
 """Probes at most on a software adapter; a frame takes a second there and not ten."""
 

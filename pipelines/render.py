@@ -17,6 +17,7 @@ from pipelines.convert import ConvertSettings, describe_fit, describe_primitives
 from pipelines.documents import report_header
 from pipelines.errors import UsageError
 from pipelines.gi_presets import GiPreset, find_preset
+from pipelines.methods import Culling
 from pipelines.studio import AS_IN_THE_FILE, DEFAULT_FRAMES, LightingOptions, Studio
 from runtime.views import AOV_LAYERS, UNLIT, VIEWS
 
@@ -68,6 +69,7 @@ class PictureSettings:
     quality: str | None = None
     presets: Path | None = None
     when: TimeOptions = AT_REST
+    culling: Culling = "grid"
 
     @property
     def preset(self) -> GiPreset | None:
@@ -116,7 +118,9 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
     views = (settings.view, *(AOV_LAYERS if settings.aov else ()))
     options = {} if preset is None else preset.technique_options(software=studio.gpu.is_software)
     if times := settings.when.times():
-        renderer = studio.open_renderer(primitives, settings.gi, glossy=settings.glossy, **options)
+        renderer = studio.open_renderer(
+            primitives, settings.gi, glossy=settings.glossy, culling=settings.culling, **options
+        )
 
         def write(number: int, result: Result) -> None:
             file = numbered(settings.output, number) if settings.when.span else settings.output
@@ -125,7 +129,14 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
         result = play(renderer, studio.view.camera, times, settings.frames, views, write, done)
     else:
         result = studio.render(
-            primitives, settings.gi, settings.frames, views, done, glossy=settings.glossy, **options
+            primitives,
+            settings.gi,
+            settings.frames,
+            views,
+            done,
+            glossy=settings.glossy,
+            culling=settings.culling,
+            **options,
         )
         write_picture(settings, result)
     seconds = time.perf_counter() - began

@@ -122,8 +122,8 @@ class Studio:
         """Renders `frames` frames and returns the last one: its views, and the medians of its passes' times.
 
         technique: one of `methods.METHODS`; probes: how fine they stand; glossy: with reflections; options:
-        further settings of the technique. On a software adapter all but the last few frames bring only the
-        light up to date.
+        `culling` (`WorldSettings`), and further settings of the technique. On a software adapter all but the
+        last few frames bring only the light up to date.
         """
         whole = min(frames, SOFTWARE_WHOLE_FRAMES) if self.gpu.is_software else frames
         renderer = self.open_renderer(primitives, technique, probes, glossy, **options)
@@ -151,14 +151,15 @@ class Studio:
         technique: str,
         primitives: PrimitiveSet,
         probes: ProbesOption | None = None,
+        culling: str = "grid",
         **options: Any,
     ) -> RenderSettings:
         """Settings for one method; software adapters get fewer probes and smaller maps and textures."""
-        from runtime.settings import PREVIEW, RenderSettings
+        from runtime.settings import PREVIEW, RenderSettings, WorldSettings
 
         software = self.gpu.is_software
         own = technique_settings(technique, primitives, probes, software=software, **options)
-        settings = PREVIEW if software else RenderSettings()
+        settings = replace(PREVIEW if software else RenderSettings(), world=WorldSettings(culling=culling))
         gi = find_method(technique).technique
         return replace(settings, size=self.size, gi=gi, technique=own, exposure=self.exposure)
 

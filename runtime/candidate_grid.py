@@ -116,6 +116,10 @@ class CandidateGrid:
         with rec.compute(self._build.name) as compute_pass:
             self._build.dispatch(compute_pass, groups, world, lists=self.buffer, list_use=self._use)
 
+    def overflowing(self) -> int:
+        """Cells for whose lists there was no room in the last build; waits for the GPU."""
+        return int(self._use.read(ListUse.dtype, ())["overflowing"])
+
     def grow(self) -> bool:
         """Makes room for the lists built last where they had none: then they must be built again, and it is
         true. Waits for the GPU."""

@@ -51,7 +51,7 @@ class Clustering:
 
 def cluster_count(primitives: int) -> int:
     """How many clusters ask the fewest primitives and balls together: docs/gi.md has the figures."""
-    return max(1, min(round(1.5 * primitives**0.5), primitives, MOST_CLUSTERS))
+    return max(1, min(round(4 * primitives**0.5), primitives, MOST_CLUSTERS))
 
 
 def find_clusters(

@@ -30,7 +30,7 @@ from runtime.probes import IRRADIANCE_SIZE, RAYS_AT_ONCE, ProbeGrid, atlas_size,
 from runtime.resources import Buffer, Sampler, Texture
 from runtime.scene_tracer import open_tracer
 from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u, vec4f
-from runtime.technique import FrameLight
+from runtime.technique import Float64, FrameLight
 from runtime.twins.random import random_rotation
 from runtime.world import World
 
@@ -115,6 +115,10 @@ class Ddgi:
 
     def _atlas(self, probes: int, size: int, label: str) -> Texture:
         return Texture(self.gpu, atlas_size(probes, size), "rgba16float", "sample|storage", label=label)
+
+    @property
+    def volume(self) -> tuple[Float64, Float64]:
+        return self.cascades[-1].grid.volume
 
     @property
     def grid(self) -> ProbeGrid:

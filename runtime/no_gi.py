@@ -18,6 +18,7 @@ class NoGi:
 
     name = "none"
     memory = 0
+    volume = None
 
     def __init__(self, gpu: Gpu, world: World, settings: Any = None) -> None:
         if settings is not None:

@@ -69,6 +69,13 @@ class ProbeGrid:
         """World position (3,)."""
         return np.array(self.lower) + self.spacing * (np.array(self.counts) - 1) / 2
 
+    @property
+    def volume(self) -> tuple[Float64, Float64]:
+        """Corners (3,), (3,) of the grid, and a spacing around it, which the next frame may move it by."""
+        lower = np.array(self.lower)
+        upper = lower + self.spacing * (np.array(self.counts) - 1)
+        return lower - self.spacing, upper + self.spacing
+
     def positions(self) -> Float64:
         """World positions (n, 3) of the grid's nodes, x fastest."""
         z, y, x = np.meshgrid(*(np.arange(c) for c in reversed(self.counts)), indexing="ij")

@@ -86,7 +86,7 @@ class Renderer:
         self.settings = settings or RenderSettings()
         self.illumination = illumination or choose_illumination(scene)
         size = self.settings.size
-        self.world = World(gpu, scene, primitives)
+        self.world = World(gpu, scene, primitives, settings=self.settings.world)
         self.meshes = SceneMeshes(gpu, scene, self.world.origin, self.settings.max_texture_size)
         self.technique = create(self.settings.gi, gpu, self.world, self.settings.technique)
         self.gbuffer = GBuffer(gpu, size)
@@ -196,6 +196,8 @@ class Renderer:
             )
         )
         rec = Recorder(self.gpu, self._timer)
+        if (volume := self.technique.volume) is not None:
+            self.world.watch(volume, self.illumination.lights)
         self.world.record(rec)
         self._lights.record(rec)
         viewer = camera.world_from_local[:3, 3]
@@ -322,7 +324,7 @@ class Renderer:
 
     def notes(self) -> tuple[str, ...]:
         """What a user should know of how this scene is drawn."""
-        notes = (*self.meshes.notes, *self._lights.notes, *self.technique.tracer.notes)
+        notes = (*self.meshes.notes, *self._lights.notes, *self.technique.tracer.notes, *self.world.notes())
         return (*self.illumination.notes, *notes)
 
 

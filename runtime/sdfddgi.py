@@ -111,6 +111,10 @@ class Sdfddgi:
         """Where the probes stand now."""
         return self._volume.grid
 
+    @property
+    def volume(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return self.grid.volume
+
     def record(self, rec: Recorder, frame: FrameLight) -> None:
         """Follows the viewer, places the probes that came in, or all where the world changed, updates them,
         and publishes their maps."""

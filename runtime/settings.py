@@ -66,6 +66,8 @@ class WorldSettings:
     cells: about how many cells the grid has; None follows the number of primitives.
     list_length: room for a list of that mean length at first; it grows.
     clusters: how many K-means makes; None follows the number of primitives. seed: of its first choice.
+    culled_share: how much of pi times the largest radiance the irradiance of any point in the volume of the
+    probes may change by leaving out primitives that are far and small (`runtime.culling`); 0 leaves out none.
     hit_distance_share: a ray this near to a surface has met it.
     start_margin: free distance, metres, that a look from a surface starts with (None: `start_margin_share`).
     start_limit: how far, metres, a point that lies inside a primitive may be moved out, about twice the
@@ -77,6 +79,7 @@ class WorldSettings:
     list_length: int = 16
     clusters: int | None = None
     seed: int = 0
+    culled_share: float = 0.0
     hit_distance_share: float = 1e-5
     start_margin: float | None = None
     start_margin_share: float = 5e-4
@@ -90,6 +93,8 @@ class WorldSettings:
             raise ValueError("cells and list_length must be at least 1")
         if self.clusters is not None and self.clusters < 1:
             raise ValueError(f"{self.clusters} clusters; there must be at least 1")
+        if not 0 <= self.culled_share < 1:
+            raise ValueError(f"culled_share is {self.culled_share}; it must be at least 0 and below 1")
 
 
 @dataclass(frozen=True)

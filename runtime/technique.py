@@ -75,6 +75,10 @@ class Technique(Protocol):
         """Textures worth looking at, by name."""
 
     @property
+    def volume(self) -> tuple[Float64, Float64] | None:
+        """Corners (3,), (3,), world space, of where its probes stand; None where it has none."""
+
+    @property
     def memory(self) -> int:
         """Bytes on the GPU."""
 

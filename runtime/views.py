@@ -39,6 +39,7 @@ TRACED = {
     "primitives": "view/show_primitives",
     "blend": "view/blend_primitives",
     "sdf-steps": "view/count_steps",
+    "candidate-counts": "view/count_candidates",
 }
 """Views that trace the primitive set itself, and their kernels."""
 
@@ -56,6 +57,9 @@ UNLIT = ("albedo", "normal", "face_normal", "position", "depth", "emission", "me
 
 MOST_STEPS = 64
 """Steps of a ray that `sdf-steps` shows as white."""
+
+MOST_CANDIDATES = 32
+"""Primitives asked at a place that `candidate-counts` shows as white."""
 
 
 class Display(GpuStruct):
@@ -140,6 +144,8 @@ def to_display(name: str, pixels: Float32, settings: RenderSettings) -> UInt8:
         return _bytes(0.5 + pixels * [10.0, 10.0, 0.0])
     if name == "sdf-steps":
         return _bytes(_heat(pixels[..., 0] / MOST_STEPS))
+    if name == "candidate-counts":
+        return _bytes(_heat(pixels[..., 0] / MOST_CANDIDATES))
     if name in ("albedo", "roughness", "mesh", "primitives", "blend", *PANELS):
         return encode(pixels)
     return encode(pixels, settings.exposure, settings.tone_curve)

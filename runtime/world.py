@@ -7,7 +7,7 @@ scenes far from zero keep their precision.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,11 @@ from fit.primitives import GPU_RECORD_BYTES, PrimitiveSet, pack_gpu
 from fit.scene import Scene
 from runtime.candidate_grid import CandidateGrid, ListStatistics
 from runtime.clusters import MOST_CLUSTERS, Cluster, Clustering, cluster_count, find_clusters, pack_clusters
+from runtime.culling import Box, Culled, cull
 from runtime.device import Gpu
 from runtime.emitters import Emitters, primitive_emitters
 from runtime.encoder import Recorder
+from runtime.lights import AnyLight
 from runtime.resources import Buffer
 from runtime.settings import CULLINGS, WorldSettings
 from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u
@@ -76,28 +78,56 @@ class World:
         self._emitters: Buffer | None = None
         self._is_stale = True
         self._most_checked = -1
+        self._watched: tuple[Box, tuple[AnyLight, ...]] | None = None
         self.update(primitives)
 
     def update(self, primitives: PrimitiveSet) -> None:
         """Replaces the primitives; the candidate lists follow before the next use. No pipeline is rebuilt."""
         self.primitives = primitives
-        is_finite = ~primitives.is_half_space
-        finite = np.flatnonzero(is_finite)
+        self._cull()
+        self._upload()
+        self.version += 1
+
+    def watch(self, volume: Box, lights: Sequence[AnyLight]) -> None:
+        """Tells in which box of world space light is asked for, and what is on: where `culled_share` allows,
+        primitives that are small from all of it are left out. `version` stays: it is the same world."""
+        if self.settings.culled_share == 0:
+            return
+        self._watched = (volume, tuple(lights))
+        before, after = self.culled, self._cull()
+        if not np.array_equal(before.is_culled, after.is_culled):
+            self._upload()
+
+    def _cull(self) -> Culled:
+        """Nothing, before `watch` was told of a volume."""
+        if self._watched is None:
+            found = Culled(np.zeros(len(self.primitives), bool), 0.0)
+        else:
+            volume, lights = self._watched
+            found = cull(self.primitives, volume, self.settings.culled_share, lights)
+        self.culled = found
+        """What was left out."""
+        return found
+
+    def _upload(self) -> None:
+        """Writes the records of all primitives that are not left out."""
+        primitives = self.primitives
+        finite = np.flatnonzero(~self.culled.is_culled & ~primitives.is_half_space)
         if self.settings.culling == "clusters" and len(finite):
             finite = finite[self._cluster(primitives.select(finite))]
         self.finite_count = len(finite)
-        self.order = np.concatenate([finite, np.flatnonzero(~is_finite)])
+        self.order = np.concatenate([finite, np.flatnonzero(primitives.is_half_space)])
         """Index in the given set of each primitive on the GPU, where half-spaces come last."""
-        words = pack_gpu(primitives, self.origin)[self.order]
+        shown = primitives.select(self.order)
+        words = pack_gpu(shown, self.origin)
         if self._records is None or self._records.size < words.nbytes:
             room = max(len(words), 1) * GPU_RECORD_BYTES
             self._records = Buffer(self.gpu, room, label="primitives")
         if len(words):
             self._records.write(words)
-        self._write_emitters(primitive_emitters(primitives.select(self.order), words))
-        self._measure()
+        self._write_emitters(primitive_emitters(shown, words))
+        self._measure(shown)
         self._is_stale = True
-        self.version += 1
 
     def record(self, rec: Recorder) -> None:
         """Rebuilds the candidate lists when the primitives changed. A list for which there is no room is
@@ -121,15 +151,31 @@ class World:
             "emitters": self._emitters,
         }
 
-    def check(self) -> ListStatistics | None:
-        """How the candidate lists fit, None without them. Where one had no room, there is in the next frame.
-        Waits for the GPU."""
-        if self.settings.culling != "grid":
-            return None
-        statistics = self.list_statistics()
-        if statistics.overflowing:
+    def check(self) -> int:
+        """How many cells ask all primitives because the lists built last had no room; those of the next frame
+        have. Waits for the GPU."""
+        if self.settings.culling != "grid" or self._is_stale:
+            return 0
+        overflowing = self.grid.overflowing()
+        if overflowing:
             self._is_stale = self.grid.grow()
-        return statistics
+        return overflowing
+
+    def notes(self) -> tuple[str, ...]:
+        """What its user should know: primitives that were left out, and lists that have no room. Waits for
+        the GPU."""
+        notes = []
+        if self.culled.count:
+            notes.append(
+                f"culling: {self.culled.count:,} of {len(self.primitives):,} primitives are left out; that "
+                f"changes E by at most {100 * self.culled.share:.2g} % of pi times the largest radiance"
+            )
+        if overflowing := self.check():
+            notes.append(
+                f"candidate lists: {overflowing:,} of {self.grid.cells:,} cells have no room and ask all "
+                f"{self.finite_count:,} primitives, slower but as exact, until the next frame"
+            )
+        return tuple(notes)
 
     def to_local(self, points: ArrayLike) -> Float64:
         """World positions (n, 3) as the GPU holds them."""
@@ -170,13 +216,12 @@ class World:
             self._emitters = Buffer(self.gpu, shining.records.nbytes, label="emitters")
         self._emitters.write(shining.records)
 
-    def _measure(self) -> None:
-        """Lays the grid around the finite primitives and writes the world's measures."""
-        if self.finite_count:
-            lower, upper = self.primitives.bounds()
-        else:
-            lower, upper = self.origin, self.origin
-        self.bounds = (lower, upper)
+    def _measure(self, shown: PrimitiveSet) -> None:
+        """Lays the grid around the finite primitives that are shown and writes the world's measures."""
+        self.bounds = (
+            self.primitives.bounds() if not self.primitives.is_half_space.all() else (self.origin,) * 2
+        )
+        lower, upper = shown.bounds() if self.finite_count else self.bounds
         pad = 0.01 * self.diagonal
         self.grid.lay(lower - self.origin - pad, upper - lower + 2 * pad, self.finite_count)
         self._info.write(
@@ -186,7 +231,7 @@ class World:
                 grid_upper=self.grid.lower + self.grid.size * self.grid.cell,
                 culling=CULLINGS.index(self.settings.culling),
                 grid_size=self.grid.size,
-                primitive_count=len(self.primitives),
+                primitive_count=len(self.order),
                 finite_count=self.finite_count,
                 cluster_count=self.cluster_count,
                 hit_distance=self.settings.hit_distance_share * self.diagonal,

@@ -38,6 +38,7 @@ def build_markdown(report: Report) -> str:
             lines.append(f"Failed: {scene['failure']}")
         else:
             lines += [*_views(scene), "", *_table("", [["", run] for run in scene["runs"]])]
+            lines += _cullings(scene["runs"])
     return "\n".join(lines) + "\n"
 
 
@@ -51,6 +52,18 @@ def _made_with(report: Report) -> list[str]:
         f"errors after {settings['frames']} frames, truth by {truth['engine']}, seed {report['seed']}.",
         "",
     ]
+
+
+def _cullings(runs: list[Report]) -> list[str]:
+    """GI's milliseconds by every way to find the nearest primitive, where more than one was timed."""
+    names = list(dict.fromkeys(name for run in runs for name in run.get("cullings_ms", {})))
+    if len(names) < 2:
+        return []
+    lines = ["", f"| GI by culling | {' | '.join(names)} |", "|---" * (1 + len(names)) + "|"]
+    for run in runs:
+        times = [short_number(run["cullings_ms"].get(name)) for name in names]
+        lines.append(f"| {describe(run)} | {' | '.join(times)} |")
+    return lines
 
 
 def _views(scene: Report) -> list[str]:

@@ -14,7 +14,9 @@ from fit.primitives import (
     pack_gpu,
     unpack_gpu,
 )
-from runtime.clusters import pack_clusters
+from runtime.clusters import find_clusters, pack_clusters
+from runtime.encoder import Recorder
+from runtime.timing import Timer
 from runtime.tracer import STRIDES, Tracer
 from runtime.twins import reference
 from runtime.twins.candidates import candidate_surplus, nearest_in_clusters
@@ -274,13 +276,55 @@ def test_an_overflowing_list_is_slow_but_right(gpu):
     apart = random_scene(60, seed=6, ground=False)
     world = World(gpu, None, apart, settings=WorldSettings(list_length=6))
     world.bindings()
-    shrink = np.diag([0.2, 0.2, 0.2, 1.0])
+    shrink = np.diag([0.05, 0.05, 0.05, 1.0])
     crowd = PrimitiveSet.concatenate([apart.select(slice(0, 59)).transformed(shrink), apart.select([59])])
     world.update(crowd)
     rays = random_rays(crowd)
     hits = Tracer(gpu, world).trace(*rays)
     index = reference.intersect(crowd, *rays)[1]
     assert np.mean(hits.primitive == index) > 0.9985
+    assert world.list_statistics().overflowing > 0
+    assert "have no room and ask all 60 primitives" in world.notes()[0]
+    later = Tracer(gpu, world).trace(*rays)
+    assert world.list_statistics().overflowing == 0 and world.notes() == ()
+    assert later.asked.sum() < hits.asked.sum()
+    np.testing.assert_array_equal(later.primitive, hits.primitive)
+
+
+def test_nothing_is_made_or_read_while_primitives_move(gpu, monkeypatch):
+    """Nor while some of them vanish: buffers and lists are there since the first frame."""
+    primitives = random_scene(60, seed=6)
+    turn = np.array([[0.0, 0, 1, 0.3], [0, 1, 0, 0.1], [-1, 0, 0, 0], [0, 0, 0, 1]])
+    timer = Timer(gpu)
+    for culling in CULLINGS:
+        world = World(gpu, None, primitives, settings=WorldSettings(culling=culling))
+        world.bindings()
+        with monkeypatch.context() as patched:
+            for owner, name in ((gpu.wgpu_device, "create_buffer"), (gpu.queue, "read_buffer")):
+                patched.setattr(owner, name, lambda *a, **k: pytest.fail("a buffer was made or read"))
+            for moved in (primitives.transformed(turn), primitives.select(slice(0, 50)), primitives):
+                world.update(moved)
+                rec = Recorder(gpu, timer)
+                world.record(rec)
+                rec.submit()
+
+
+def test_clusters_go_on_from_those_of_the_frame_before(gpu):
+    rng = np.random.default_rng(3)
+    points = rng.uniform(-5, 5, (200, 3))
+    first, again = (find_clusters(points, 20, seed=4) for _ in range(2))
+    np.testing.assert_array_equal(first.labels, again.labels)
+    assert not np.array_equal(first.labels, find_clusters(points, 20, seed=5).labels)
+    moved = find_clusters(points + rng.normal(0, 0.01, points.shape), 20, 4, first)
+    assert np.mean(moved.labels == first.labels) > 0.9
+    assert np.linalg.norm(moved.means - first.means, axis=1).max() < 1
+    within = np.linalg.norm(points - first.means[first.labels], axis=1)
+    every = np.linalg.norm(points[:, None] - first.means, axis=2)
+    np.testing.assert_allclose(
+        within, every.min(axis=1), err_msg="each is in the cluster of the nearest mean"
+    )
+    few = find_clusters(points[[0, 0, 1]], 3)
+    assert len(few.means) == 2 and few.labels[0] == few.labels[1] != few.labels[2]
 
 
 def test_update_moves_the_primitives_without_new_pipelines(gpu):

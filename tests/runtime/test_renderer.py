@@ -149,6 +149,8 @@ def test_primitives_are_seen_where_they_are(gpu, room, ray_caster):
     red = images["albedo"][..., 0] > 5 * images["albedo"][..., 1]
     shown = images["primitives"][..., 0] > 5 * images["primitives"][..., 1]
     assert np.mean(red != (shown & mesh)) < 0.04 and red.sum() > 50
+    counts = images["candidate-counts"][..., 0]
+    assert set(np.unique(counts[primitives])) <= {1.0, 2.0, 3.0} and not counts[~primitives].any()
     assert images["sdf-steps"][mesh].max() < 128 and images["sdf-steps"][mesh].min() >= 1
 
 
