@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.glow import Glow, alpha_cutoffs
+from fit.light import EvenLight
+from fit.openings import reflected_shares
 from fit.primitives import Kind, PrimitiveSet, shared_face_colors
 from fit.scene import Float64, Scene
 from fit.sdf import distance, primitive_face, sample_boundary, union_distance
@@ -43,28 +45,38 @@ def color(
 
     A face emits the light of the lamps that it stands for, spread over what air touches of the face, and
     never brighter than they are; a face that stands for no lamp emits nothing.
+
+    A face that shuts an opening gets as dark as that looks (`fit.openings`).
     """
     if len(primitives) == 0 or len(seen) == 0:
         return primitives
-    albedo = _albedo(primitives, scene, air, seen)
-    emission = _emission(primitives, glow, air, seed)
-    return replace(
-        primitives,
-        albedo=shared_face_colors(primitives.kinds, albedo),
-        emission=shared_face_colors(primitives.kinds, emission),
-    )
-
-
-def _albedo(primitives: PrimitiveSet, scene: Scene, air: Air, seen: Seen) -> Float64:
     samples = seen.samples
-    owner = nearest_primitive(primitives, samples.points, seen.normals, air.cell)
-    face, turned_here = facing(primitives, owner, samples.points, seen.normals)
     albedo, _, alpha = colors(scene, air.walls, samples.triangle, samples.barycentric)
     shown = alpha >= alpha_cutoffs(scene)[air.walls.material[samples.triangle]]
+    albedo = np.clip(albedo, 0.0, 1.0)
+    means = _albedo(primitives, air, seen, albedo, shown)
+    emission = _emission(primitives, glow, air, seed)
+    painted = replace(
+        primitives,
+        albedo=shared_face_colors(primitives.kinds, means),
+        emission=shared_face_colors(primitives.kinds, emission),
+    )
+    light = EvenLight.of(air, seen, albedo.mean(axis=1) * shown, seed)
+    left = _shared(primitives, reflected_shares(painted, light, seed=seed))
+    return replace(painted, albedo=shared_face_colors(primitives.kinds, painted.albedo * left))
+
+
+def _albedo(
+    primitives: PrimitiveSet, air: Air, seen: Seen, albedo: Float64, shown: NDArray[np.bool_]
+) -> Float64:
+    """Means (n, 6, 3) of the seen samples' albedo (p, 3), as far as they are `shown` (p,)."""
+    points = seen.samples.points
+    owner = nearest_primitive(primitives, points, seen.normals, air.cell)
+    face, turned_here = facing(primitives, owner, points, seen.normals)
     # Means over area: hits of rays only speak where no sample by area lies.
     weights = seen.weights * np.where(seen.by_area, 1.0, 1e-6) * np.where(turned_here, 1.0, _BEHIND) * shown
     slot = face_slots(primitives, owner, face)
-    sums = _sums(np.clip(albedo, 0.0, 1.0) * weights[:, None], slot, len(primitives))
+    sums = _sums(albedo * weights[:, None], slot, len(primitives))
     mass = _sums(weights[:, None], slot, len(primitives))
     scene_mean = _ratio(sums.sum(axis=(0, 1)), mass.sum(axis=(0, 1)), np.zeros(3))
     own_mean = _ratio(sums.sum(axis=1), mass.sum(axis=1), scene_mean)
