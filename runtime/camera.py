@@ -160,3 +160,12 @@ def frame_record(
         orthographic=int(lens.orthographic),
         near=lens.near,
     )
+
+
+def frustum_planes(clip_from_local: Float64) -> Float64:
+    """The left, right, lower, upper and near plane (5, 4) of what a camera sees, as normals that look inwards
+    and an offset: dot(plane, (p, 1)) is the distance of p inside (Gribb and Hartmann 2001)."""
+    x, y, z, w = clip_from_local
+    planes = np.stack([w + x, w - x, w + y, w - y, w - z])
+    planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+    return planes

@@ -14,6 +14,7 @@ from runtime.emitters import Emitter
 from runtime.lights import Light, Lighting
 from runtime.meshes import Instance, SurfaceMaterial
 from runtime.path_tracer import PathSettings
+from runtime.probe_choice import ChoiceCounts, ChoiceSettings, ChoiceTotals
 from runtime.probes import ProbeGridInfo, ProbeRecord
 from runtime.sdfddgi import PlaceSettings, ProbeHistory, UpdateSettings
 from runtime.sky import SkyModel
@@ -42,6 +43,9 @@ STRUCTS: tuple[type[GpuStruct], ...] = (
     ProbeGridInfo,
     ProbeRecord,
     PlaceSettings,
+    ChoiceSettings,
+    ChoiceTotals,
+    ChoiceCounts,
     UpdateSettings,
     ProbeHistory,
     DdgiCascade,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from fit.primitives import PrimitiveSet
 from fit.scene import Camera, Float64, Scene
 from runtime import views
-from runtime.camera import Frame, frame_record, overview
+from runtime.camera import Frame, clip_from_local, frame_record, overview
 from runtime.device import Gpu
 from runtime.direct import DirectLight, LightMaps
 from runtime.encoder import Recorder
@@ -200,9 +200,15 @@ class Renderer:
             self.world.watch(volume, self.illumination.lights)
         self.world.record(rec)
         self._lights.record(rec)
-        viewer = camera.world_from_local[:3, 3]
         self.technique.record(
-            rec, FrameLight(self._index, self._frame_bindings(), self._light_version, viewer)
+            rec,
+            FrameLight(
+                self._index,
+                self._frame_bindings(),
+                self._light_version,
+                viewer=camera.world_from_local[:3, 3],
+                clip_from_local=clip_from_local(camera, self.settings.size, self.world.origin),
+            ),
         )
         if not only_light:
             self.gbuffer.begin_frame()

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from runtime.device import Gpu
 from runtime.encoder import Recorder
 from runtime.kernel import Kernel
-from runtime.probes import IRRADIANCE_SIZE, RAYS_AT_ONCE, IrradianceProbes, ProbeGrid, workgroups
+from runtime.probe_choice import ProbeChoice
+from runtime.probes import IRRADIANCE_SIZE, RAYS_AT_ONCE, IrradianceProbes, ProbeGrid
 from runtime.resources import Buffer, Texture
 from runtime.scene_tracer import PrimitiveTracer
 from runtime.scrolling import ScrollingGrid
@@ -47,15 +48,19 @@ class PlaceSettings(GpuStruct):
 
 
 class UpdateSettings(GpuStruct):
-    probe_count: u32
     batches: u32
     fresh_factor: u32
+    budget: u32
     frame: u32
     seed: u32
     bounce: f32
+    bounce_stride: u32
     reach: f32
-    most_frames: f32
-    forget_drift: u32
+    since_change: u32
+    settling_frames: u32
+    settling_history: f32
+    settling_growth: f32
+    history_frames: f32
 
 
 class ProbeHistory(GpuStruct):
@@ -65,6 +70,11 @@ class ProbeHistory(GpuStruct):
     spread: f32
     age: f32
     peak: f32
+    waited: f32
+    updates: u32
+    rsm_asked: u32
+    rsm_refused: u32
+    rsm_missed: u32
 
 
 class Sdfddgi:
@@ -86,6 +96,7 @@ class Sdfddgi:
         self.count = len(start)
         self.probes = IrradianceProbes(gpu, self.count, s.softness)
         self._histories = Buffer(gpu, ProbeHistory.dtype.itemsize * (self.count + 1), label="probe histories")
+        self.choice = ProbeChoice(gpu, self.count, s.choice_rules(start.spacing))
         self._place_settings = Buffer(gpu, PlaceSettings.dtype.itemsize, "uniform", label="place settings")
         self._update_settings = Buffer(gpu, UpdateSettings.dtype.itemsize, "uniform", label="update settings")
         self._place = Kernel(gpu, "sdfddgi/place_probes")
@@ -116,22 +127,24 @@ class Sdfddgi:
         return self.grid.volume
 
     def record(self, rec: Recorder, frame: FrameLight) -> None:
-        """Follows the viewer, places the probes that came in, or all where the world changed, updates them,
-        and publishes their maps."""
+        """Follows the viewer, places the probes that came in, or all where the world changed, chooses whose
+        turn it is, updates those and publishes their maps."""
         self._write_settings(frame)
         self._record_places(rec, frame.viewer)
+        probes = {**self.probes.lookup_bindings(), "histories": self._histories}
+        self.choice.record(rec, frame.index, frame.clip_from_local, self.grid.spacing, probes)
         with rec.compute(self._update.name) as compute_pass:
-            self._update.dispatch(
+            self.choice.dispatch(
+                self._update,
                 compute_pass,
-                workgroups(self.count + 1),
                 self.world.bindings(),
-                self.probes.lookup_bindings(),
+                probes,
                 frame.bindings,
                 settings=self._update_settings,
-                histories=self._histories,
+                totals=self.choice.totals,
                 exact_irradiance=self.probes.exact,
             )
-        self._record_publishing(rec)
+        self._record_publishing(rec, self.choice)
 
     def place(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """World positions (n, 3) of the probes, by slot, as the primitives are now, and which are on (n,);
@@ -150,7 +163,7 @@ class Sdfddgi:
         exact[..., :3] = irradiance
         self.probes.exact.write(exact)
         rec = Recorder(self.gpu, label="fill")
-        self._record_publishing(rec)
+        self._record_publishing(rec, ProbeChoice(self.gpu, self.count, None))
         rec.submit()
 
     def _record_places(self, rec: Recorder, viewer: ArrayLike | None) -> None:
@@ -188,11 +201,11 @@ class Sdfddgi:
                 histories=self._histories,
             )
 
-    def _record_publishing(self, rec: Recorder) -> None:
+    def _record_publishing(self, rec: Recorder, chosen: ProbeChoice) -> None:
         with rec.compute(self._publish.name) as compute_pass:
-            self._publish.dispatch(
+            chosen.dispatch(
+                self._publish,
                 compute_pass,
-                workgroups(self.count + 1),
                 {"probe_grid": self.probes.info},
                 exact_irradiance=self.probes.exact,
                 records=self.probes.records,
@@ -216,27 +229,28 @@ class Sdfddgi:
 
     @property
     def memory(self) -> int:
-        return (
-            self.probes.memory + self._histories.size + self._place_settings.size + self._update_settings.size
-        )
+        buffers = (self._histories, self._place_settings, self._update_settings)
+        return self.probes.memory + self.choice.memory + sum(buffer.size for buffer in buffers)
 
     def _write_settings(self, frame: FrameLight) -> None:
         s = self.settings
         versions = (self.world.version, frame.light_version)
         self._since_change = 0 if versions != self._seen_versions else self._since_change + 1
         self._seen_versions = versions
-        is_settling = self._since_change < s.settling_frames
-        settling_history = max(s.settling_history, s.settling_growth * self._since_change)
         self._update_settings.write(
             UpdateSettings.pack(
-                probe_count=self.count,
                 batches=s.rays_per_probe // RAYS_AT_ONCE,
                 fresh_factor=s.fresh_factor,
+                budget=self.count * s.fresh_factor if s.probes_per_frame is None else s.probes_per_frame,
                 frame=frame.index,
                 seed=s.seed,
                 bounce=s.bounce,
+                bounce_stride=round(1 / s.bounce_share),
                 reach=s.max_ray_distance,
-                most_frames=settling_history if is_settling else s.history_frames,
-                forget_drift=int(is_settling),
+                since_change=self._since_change,
+                settling_frames=s.settling_frames,
+                settling_history=s.settling_history,
+                settling_growth=s.settling_growth,
+                history_frames=s.history_frames,
             )
         )

@@ -40,12 +40,14 @@ class FrameLight:
     index: number of the frame, for random numbers. bindings: group 3 of the kernels (sky, lights, shadow
     maps), bound by name. light_version: a number that changes whenever a light or the sky does, so that
     history can be dropped. viewer: where the camera stands (3,), world space; None where there is none.
+    clip_from_local (4, 4): what it sees of the world's local space; None for everything.
     """
 
     index: int
     bindings: Mapping[str, Any] = field(default_factory=dict)
     light_version: int = 0
     viewer: Float64 | None = None
+    clip_from_local: Float64 | None = None
 
 
 class Technique(Protocol):

@@ -151,25 +151,62 @@ struct PlaceSettings {  // 80 bytes
     attraction: f32,          // 76
 }
 
-struct UpdateSettings {  // 36 bytes
-    probe_count: u32,   // 0
-    batches: u32,       // 4
-    fresh_factor: u32,  // 8
-    frame: u32,         // 12
-    seed: u32,          // 16
-    bounce: f32,        // 20
-    reach: f32,         // 24
-    most_frames: f32,   // 28
-    forget_drift: u32,  // 32
+struct ChoiceSettings {  // 144 bytes
+    planes: array<vec4f, 5>,   // 0
+    viewer: vec3f,             // 80
+    half_distance: f32,        // 92
+    forward: vec3f,            // 96
+    behind: f32,               // 108
+    budget: u32,               // 112
+    frame: u32,                // 116
+    seed: u32,                 // 120
+    longest_wait_seen: f32,    // 124
+    longest_wait_unseen: f32,  // 128
+    margin: f32,               // 132
 }
 
-struct ProbeHistory {  // 24 bytes
-    frames: f32,   // 0
-    fluence: f32,  // 4
-    drift: f32,    // 8
-    spread: f32,   // 12
-    age: f32,      // 16
-    peak: f32,     // 20
+struct ChoiceTotals {  // 16 bytes
+    seen: atomic<u32>,    // 0
+    unseen: atomic<u32>,  // 4
+    fresh: atomic<u32>,   // 8
+    weight: atomic<u32>,  // 12
+}
+
+struct ChoiceCounts {  // 16 bytes
+    seen: u32,    // 0
+    unseen: u32,  // 4
+    fresh: u32,   // 8
+    weight: u32,  // 12
+}
+
+struct UpdateSettings {  // 52 bytes
+    batches: u32,           // 0
+    fresh_factor: u32,      // 4
+    budget: u32,            // 8
+    frame: u32,             // 12
+    seed: u32,              // 16
+    bounce: f32,            // 20
+    bounce_stride: u32,     // 24
+    reach: f32,             // 28
+    since_change: u32,      // 32
+    settling_frames: u32,   // 36
+    settling_history: f32,  // 40
+    settling_growth: f32,   // 44
+    history_frames: f32,    // 48
+}
+
+struct ProbeHistory {  // 44 bytes
+    frames: f32,       // 0
+    fluence: f32,      // 4
+    drift: f32,        // 8
+    spread: f32,       // 12
+    age: f32,          // 16
+    peak: f32,         // 20
+    waited: f32,       // 24
+    updates: u32,      // 28
+    rsm_asked: u32,    // 32
+    rsm_refused: u32,  // 36
+    rsm_missed: u32,   // 40
 }
 
 struct DdgiCascade {  // 48 bytes

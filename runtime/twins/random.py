@@ -29,6 +29,13 @@ def random_uniform(bits: UInt32) -> Array:
     return (bits >> 8) * (1 / 2**24)
 
 
+def random_sequence(key: UInt32, index: UInt32) -> UInt32:
+    """Elements `index` (n,) of sequences of three words (n, 3), evenly spread, begun at random for each key
+    (n, 3): the R3 sequence of Roberts 2018."""
+    steps = np.array([3518319155, 2882110345, 2360945575], np.uint64)
+    return (random_hash(key) + index[:, None] * steps & 0xFFFFFFFF).astype(np.uint32)
+
+
 def random_rotation(u: Array) -> Array:
     """Uniformly distributed rotations (n, 4) xyzw from uniform numbers (n, 3) (Shoemake 1992)."""
     a, b = 2 * PI * u[:, 1], 2 * PI * u[:, 2]

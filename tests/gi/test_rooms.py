@@ -85,7 +85,7 @@ def test_sealed_room_is_black_when_turned(
 
 
 def test_sealed_room_is_black_under_reflective_shadow_maps(
-    technique, gpu, settings_of, make_room, inner_surface, grid_over, open_mean, mesh_of_boxes
+    technique, gpu, gi_of, settings_of, make_room, inner_surface, grid_over, open_mean, mesh_of_boxes
 ):
     """With the room's mesh, so that probes read its sunlit outside where they may; the open room tells that
     they do."""
@@ -94,7 +94,7 @@ def test_sealed_room_is_black_under_reflective_shadow_maps(
         room = make_room(0.01, opening=opening)
         settings = RenderSettings(
             size=(8, 8),
-            gi=technique,
+            gi=gi_of(technique),
             technique=settings_of[technique](grid=grid_over(1.0, offset=OFFSET)),
             shadows=ShadowSettings(map_size=256),
         )

@@ -14,6 +14,12 @@ import package::lib::punctual::{PUNCTUAL_SUN, punctual_attenuation, punctual_dir
 @group(3) @binding(7) var rsm_normal: texture_2d<u32>;
 @group(3) @binding(8) var rsm_radiance: texture_2d<f32>;
 
+// How many samples of reflective shadow maps an invocation asked for, how many of them were refused, and of how many of
+// those a traced shadow found the light after all.
+var<private> lights_rsm_asked: u32;
+var<private> lights_rsm_refused: u32;
+var<private> lights_rsm_missed: u32;
+
 // Half-width of the filter below in texels: taps at -1, 0, 1, each bilinear.
 const LIGHTS_FILTER_RADIUS = 2.0;
 
@@ -133,12 +139,15 @@ fn direct_radiance_at_hit(position: vec3f, normal: vec3f, albedo: vec3f, half_th
         }
         if light.has_tile != 0u {
             let reflected = lights_rsm_radiance(light, position, normal, half_thickness);
+            lights_rsm_asked += 1u;
             if reflected.w > 0.0 {
                 total += reflected.rgb;
                 continue;
             }
+            lights_rsm_refused += 1u;
         }
         let visible = lights_traced_visibility(light, position);
+        lights_rsm_missed += select(0u, 1u, light.has_tile != 0u && visible > 0.0);
         total += brdf_lambert(albedo, light.color * (strength * visible));
     }
     return total;

@@ -19,6 +19,12 @@ fn random_uniform(bits: vec3u) -> vec3f {
     return vec3f(bits >> vec3u(8u)) * (1.0 / 16777216.0);
 }
 
+// Element `index` of a sequence of three words that fills space evenly (the R3 sequence of Roberts 2018), begun at random
+// for each key: the mean over some elements in a row has less noise than over as many random numbers.
+fn random_sequence(key: vec3u, index: u32) -> vec3u {
+    return random_hash(key) + index * vec3u(3518319155u, 2882110345u, 2360945575u);
+}
+
 // A uniformly distributed rotation from three uniform numbers (Shoemake 1992).
 fn random_rotation(u: vec3f) -> vec4f {
     let a = 2.0 * PI * u.y;

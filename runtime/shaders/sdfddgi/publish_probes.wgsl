@@ -1,4 +1,4 @@
-// Writes the irradiance of every probe as lookups read it: its linear part (constant + slope . normal) in the record,
+// Writes the irradiance of the chosen probes as lookups read it: its linear part (constant + slope . normal) in the record,
 // the rest in the atlas that lookups filter, in half floats relative to the largest, with the border that carries
 // bilinear filtering across the octahedral seams.
 //
@@ -14,6 +14,7 @@ import package::structs::{ProbeRecord};
 @group(0) @binding(0) var<storage, read> exact_irradiance: array<vec4f>;
 @group(0) @binding(1) var<storage, read_write> records: array<ProbeRecord>;
 @group(0) @binding(2) var atlas: texture_storage_2d<rgba16float, write>;
+@group(0) @binding(3) var<storage, read> chosen: array<u32>;
 
 const THREADS: u32 = IRRADIANCE_SIZE * IRRADIANCE_SIZE;
 
@@ -45,8 +46,8 @@ fn main(
     @builtin(local_invocation_id) texel: vec3u,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    let probe = group.x + group.y * groups.x;
-    if probe > probe_count() || !probe_is_placed(records[probe].position.w) {
+    let probe = chosen[min(group.x + group.y * groups.x, probe_count())];
+    if group.x + group.y * groups.x > probe_count() || !probe_is_placed(records[probe].position.w) {
         return;
     }
     map[thread] = exact_irradiance[probe * THREADS + thread].rgb;
