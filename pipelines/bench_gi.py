@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from pipelines.bench_gi_results import Results, shown_pictures
 from pipelines.bench_gi_summary import choose, preset_of, settings_of
 from pipelines.console import Terminal, Update
-from pipelines.convert import check_air, input_names, make_folder, require_file
+from pipelines.convert import RESULT_SUFFIXES, check_air, input_names, make_folder, require_file
 from pipelines.documents import report_header, to_json_value, write_json, write_text
 from pipelines.errors import UsageError
 from pipelines.gi_presets import write_presets
@@ -46,7 +46,8 @@ FIT_SHARE, TRUTH_SHARE = 0.3, 0.3
 class GiBenchSettings:
     """What `bench gi` was asked for.
 
-    sets: of the one scene, beside fits by `presets` and with `budgets`. probes: numbers of them, at most;
+    sets: of the one scene, and set_folders: with one of each scene, as `convert` names them; beside fits by
+    `presets` and with `budgets`. probes: numbers of them, at most;
     rays: of a probe in a frame. cameras: names or numbers, as for `render`; without any, each file's first.
     views: a file of cameras, light and exposure for each scene, in their place: see `named_views`. size,
     timed_size: pixels, of the pictures that are judged and of those that are timed. cullings: ways to find
@@ -57,6 +58,7 @@ class GiBenchSettings:
     output: Path
     truth: TruthSettings
     sets: tuple[Path, ...] = ()
+    set_folders: tuple[Path, ...] = ()
     presets: tuple[str, ...] = ()
     budgets: tuple[int, ...] = BUDGETS
     methods: tuple[str, ...] = METHODS_TRIED
@@ -84,9 +86,23 @@ class GiBenchSettings:
         """Pixels of the timed pictures."""
         return self.timed_size or (self.size if gpu.is_software else TIMED_SIZE)
 
-    def wishes(self) -> list[Wish]:
+    def wishes(self, scene: Path) -> list[Wish]:
         """The sets of a scene."""
-        return wishes(self.sets, self.presets, self.budgets)
+        found = [Wish(folder.name, file=self.set_in(folder, scene)) for folder in self.set_folders]
+        return found + wishes(self.sets, self.presets, self.budgets)
+
+    def set_in(self, folder: Path, scene: Path) -> Path:
+        """A scene's set in a folder that `convert` wrote.
+
+        Raises:
+            UsageError: there is none.
+        """
+        file = folder / f"{scene.stem}{RESULT_SUFFIXES[-1]}"
+        if not file.is_file():
+            raise UsageError(
+                f"--sets {folder}: {file} is not there; make it: sdfprim convert {scene} -o {folder}"
+            )
+        return file
 
     def stage(self, scene: Path) -> Stage:
         """Cameras and light of a scene.
@@ -135,9 +151,9 @@ def check(settings: GiBenchSettings) -> None:
         )
     for file in settings.files:
         settings.stage(file)
+        if not settings.wishes(file):
+            raise UsageError("--budgets: give at least one budget, a preset or a set")
     check_air(settings.air)
-    if not settings.wishes():
-        raise UsageError("--budgets: give at least one budget, a preset or a --set")
     if min(settings.probes) < 8:
         raise UsageError(f"--probes {min(settings.probes)}: one cell of a grid already has 8 probes")
     for rays in settings.rays:
@@ -218,7 +234,7 @@ class _Bench:
 
     def _obtain(self, name: str, scene: Any, update: Update) -> list[tuple[Wish, NamedSet]]:
         """The sets by rising number of primitives."""
-        settings, asked = self.settings, self.settings.wishes()
+        settings, asked = self.settings, self.settings.wishes(scene.source)
         share = FIT_SHARE / len(asked)
         folder = settings.output / name if len(settings.files) > 1 else settings.output
         make_folder(folder)

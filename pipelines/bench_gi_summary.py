@@ -32,6 +32,11 @@ AT_MOST: Mapping[Quality, float] = {"fast": 3.0, "balanced": 1.5, "best": 1.05}
 """Each preset is the cheapest setting with at most so many times the least error of all."""
 
 
+def is_setting(run: Row, setting: Row) -> bool:
+    """Whether a run, or another setting, is this one. Sets of one name differ in size from scene to scene."""
+    return all(run[key] == setting[key] for key in SETTING)
+
+
 def settings_of(scenes: Sequence[Row]) -> list[dict[str, Any]]:
     """The settings that were run on every scene, each with its figures, marked where it is Pareto-best."""
     found: dict[tuple[Any, ...], list[Row]] = {}

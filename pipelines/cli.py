@@ -519,6 +519,7 @@ def bench_light(
     *files: Path,
     output: Annotated[Path, Output],
     set_: Annotated[list[Path] | None, Parameter(name="--set", negative="")] = None,
+    sets: Annotated[list[Path] | None, Parameter(negative="")] = None,
     presets: str | None = None,
     budgets: str | None = None,
     gi: str = ",".join(bench_gi.METHODS_TRIED),
@@ -556,10 +557,12 @@ def bench_light(
         Folder for the results; it is made where it is missing.
     set_
         A set of primitives of the one scene. May be given several times.
+    sets
+        A folder in which convert wrote a set of each scene. May be given several times: coarse, fine.
     presets
         Fits to light through: coarse, fine, or coarse,fine.
     budgets
-        Fits to light through, by numbers of primitives; 8,32,128,512 by default, none beside --set and
+        Fits to light through, by numbers of primitives; 8,32,128,512 by default, none beside sets and
         --presets.
     gi
         Ways to light, with commas between them. Those that see the mesh only light the largest set.
@@ -615,11 +618,12 @@ def bench_light(
         output,
         TruthSettings(truth, samples, noise, seed),
         sets=tuple(set_ or ()),
+        set_folders=tuple(sets or ()),
         presets=parse_names("--presets", presets, compare.PRESETS) if presets else (),
         budgets=parse_budgets("--budgets", budgets)
         if budgets
         else ()
-        if set_ or presets
+        if set_ or sets or presets
         else bench_gi.BUDGETS,
         methods=parse_names("--gi", gi, METHODS),
         probes=parse_budgets("--probes", probes),

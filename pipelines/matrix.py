@@ -294,11 +294,11 @@ def show(report: dict[str, Any], settings: MatrixSettings, terminal: Terminal) -
         figures = [
             value
             for cell in cells
-            for value in (*(_rel_mse(cell["errors"][key]) for key in ("solver", "total")), cell["frame_ms"])
+            for value in (*(_ratio(cell["errors"][key]) for key in ("solver", "total")), cell["frame_ms"])
         ]
-        fit = [_rel_mse(row["errors"][key]) for key in ("fit", "geometry")]
+        fit = [_ratio(row["errors"][key]) for key in ("fit", "geometry")]
         rows.append([row["name"], row["primitives"], *fit, *figures])
-    terminal.table(headers, rows, "relMSE of indirect irradiance")
+    terminal.table(headers, rows, "indirect irradiance: mean square over mean squared truth")
     for column, name in report["knee"].items():
         terminal.line(f"knee     {column}: {name}, within {KNEE:g} times the least total error")
     for row in report["sets"]:
@@ -311,5 +311,5 @@ def show(report: dict[str, Any], settings: MatrixSettings, terminal: Terminal) -
     terminal.line(f"report   {settings.page}")
 
 
-def _rel_mse(error: Mapping[str, Any]) -> float:
-    return float(error["irradiance"]["rel_mse"])
+def _ratio(error: Mapping[str, Any]) -> float:
+    return float(error["irradiance"]["ratio"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from pipelines.bench_gi_summary import AT_MOST, LEAST_ERROR
+from pipelines.bench_gi_summary import AT_MOST, LEAST_ERROR, is_setting
 from pipelines.report.plots import short_number
 
 Report = Mapping[str, Any]
@@ -23,11 +23,11 @@ def advice_lines(report: Report) -> list[str]:
     chosen, best, fast = (presets[name] for name in ("balanced", "best", "fast"))
     lines = [f"Take balanced: {describe(chosen)}.", f"{costs(chosen, report)}; {errors(chosen)}."]
     lines += through_primitives(chosen, report)
-    if best is chosen or describe(best) == describe(chosen):
+    if is_setting(best, chosen):
         lines.append("Nothing is lost: no setting tried has less error.")
     else:
         lines.append(f"Lost against best ({describe(best)}): {lost(chosen, best)}.")
-    if describe(fast) != describe(chosen):
+    if not is_setting(fast, chosen):
         lines.append(f"Fast ({describe(fast)}) loses more: {lost(fast, chosen)}.")
     return lines
 

@@ -7,6 +7,7 @@ from html import escape
 from typing import Any
 
 from pipelines.bench_gi_results import picture_name, shown_runs
+from pipelines.bench_gi_summary import is_setting
 from pipelines.report.gi_advice import describe, percent
 from pipelines.report.gi_tables import title_of
 from pipelines.report.pictures import pair, single
@@ -22,8 +23,7 @@ def best_beside_truth(report: Report, sources: Sources) -> str:
     scene = next((scene for scene in report["scenes"] if scene["runs"]), None)
     if scene is None or not report["presets"]:
         return ""
-    wanted = describe(report["presets"]["balanced"])
-    run = next(run for run in scene["runs"] if describe(run) == wanted)
+    run = next(run for run in scene["runs"] if is_setting(run, report["presets"]["balanced"]))
     return f"<p></p>{_beside_truth(scene, run, scene['views'][0]['name'], sources, 'balanced')}"
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
+from pipelines.bench_gi_summary import SETTING, is_setting
 from pipelines.report.elements import table
 from pipelines.report.gi_advice import describe, percent
 from pipelines.report.plots import short_number, stacked_bars
@@ -15,7 +16,7 @@ Report = Mapping[str, Any]
 
 def qualities_of(report: Report, run: Report) -> list[str]:
     """Names of the presets that a run is."""
-    return [name for name, row in report["presets"].items() if describe(row) == describe(run)]
+    return [name for name, row in report["presets"].items() if is_setting(run, row)]
 
 
 def title_of(report: Report, run: Report) -> str:
@@ -57,15 +58,16 @@ def all_runs(report: Report, scene: Report) -> str:
 def by_scene(report: Report) -> str:
     """Total error of every setting in each scene: the means hide what a scene does to a setting."""
     scenes = [scene for scene in report["scenes"] if scene["runs"]]
-    headers = ["setting", *(escape(scene["name"]) for scene in scenes)]
-    found: dict[str, dict[str, float | None]] = {}
+    found: dict[tuple[Any, ...], dict[str, Report]] = {}
     for scene in scenes:
         for run in scene["runs"]:
-            found.setdefault(title_of(report, run), {})[scene["name"]] = run["total"]
-    rows = [
-        [title, "", *(percent(totals.get(scene["name"])) for scene in scenes)]
-        for title, totals in found.items()
-    ]
+            found.setdefault(tuple(run[key] for key in SETTING), {})[scene["name"]] = run
+    rows = []
+    for (name, *_), runs in found.items():
+        largest = max(runs.values(), key=lambda run: int(run["max_primitives"]))
+        totals = [percent(runs[scene["name"]]["total"]) if scene["name"] in runs else "-" for scene in scenes]
+        rows.append([title_of(report, largest), name, *totals])
+    headers = ["setting", *(escape(scene["name"]) for scene in scenes)]
     return f"<h2>Total error in each scene</h2>{table(headers, rows)}"
 
 

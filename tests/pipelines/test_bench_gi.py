@@ -179,6 +179,7 @@ def test_what_failed_is_on_the_page(benched: tuple[dict[str, Any], Path]) -> Non
         (("--views", "nothing.toml"), "nothing.toml"),
         (("--views", "nothing.toml", "--sky", "1,1,1"), "leave those options out"),
         (("--presets", "finest"), "finest"),
+        (("--sets", "nowhere"), "sdfprim convert"),
     ],
 )
 def test_wrong_usage(

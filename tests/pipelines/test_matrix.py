@@ -82,7 +82,12 @@ def test_pictures_and_page(compared: tuple[dict[str, Any], Path]) -> None:
     assert (folder / "both-sdfddgi-3x2x3.png").is_file()
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert not re.findall(r"""(?:src|href)=["'](?!data:)|url\(|@import|https?://""", page)
-    assert page.count('type="range"') == 2 * (1 + 2)
+    assert page.count('type="range"') == 1 + 2 * (1 + 2)
+    body = page[page.index("<body>") :]
+    assert body.index("primitives are enough for sdfddgi, 3x2x3") < body.index('type="range"')
+    assert body.index('type="range"') < body.index("Every set by every way"), (
+        "the answer's picture comes first"
+    )
     assert "(knee)" in page
     assert "$" not in page
 
