@@ -22,14 +22,13 @@ def advice_lines(report: Report) -> list[str]:
         return ["No setting can be advised: no run tells both its time and its error."]
     chosen, best, fast = (presets[name] for name in ("balanced", "best", "fast"))
     lines = [f"Take balanced: {describe(chosen)}.", f"{costs(chosen, report)}; {errors(chosen)}."]
-    lines += through_primitives(chosen, report)
     if is_setting(best, chosen):
         lines.append("Nothing is lost: no setting tried has less error.")
     else:
         lines.append(f"Lost against best ({describe(best)}): {lost(chosen, best)}.")
     if not is_setting(fast, chosen):
         lines.append(f"Fast ({describe(fast)}) loses more: {lost(fast, chosen)}.")
-    return lines
+    return lines + through_primitives(chosen, report)
 
 
 def through_primitives(chosen: Report, report: Report) -> list[str]:
@@ -57,8 +56,9 @@ def describe(row: Report) -> str:
 def costs(row: Report, report: Report) -> str:
     """Milliseconds in words."""
     width, height = report["timed_size"]
+    where = "on the processor" if report["software_adapter"] else "of GPU"
     return (
-        f"{short_number(row['gi_ms'])} ms of GPU for indirect light ({short_number(row['update_ms'])} for "
+        f"{short_number(row['gi_ms'])} ms {where} for indirect light ({short_number(row['update_ms'])} for "
         f"the probes, {short_number(row['lookup_ms'])} to look them up) in a frame of "
         f"{short_number(row['frame_ms'])} ms at {width} x {height}"
     )

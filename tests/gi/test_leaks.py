@@ -5,7 +5,6 @@ The figures of docs/gi.md: `pytest -m slow tests/gi/test_leaks.py -s` prints the
 
 import tomllib
 
-import numpy as np
 import pytest
 
 from fit import gltf
@@ -74,10 +73,18 @@ def shares(gpu, bundled_assets, surface_points):
     return measure
 
 
+OFF_BY = {
+    "sdfddgi": {"lit": 0.1, "sealed": 0.0, "court": 0.05, "walk": 0.2},
+    "ddgi": {"lit": 0.4, "sealed": 0.001, "court": 0.08, "walk": 0.3},
+}
+"""How far means may be off; measured were 0.06, 0, 0.02 and 0.13, and of the other 0.32, 0, 0.04 and 0.23."""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("widening", [1.0, 2.0])
-@pytest.mark.parametrize("technique", ["sdfddgi", "ddgi"])
+@pytest.mark.parametrize("technique", OFF_BY)
 @pytest.mark.parametrize("name", AIR)
 def test_walls_and_cloth_hold_the_light(shares, make_stage, name, technique, widening):
-    found = shares(name, technique, make_stage, widening)
-    assert np.isfinite(list(found.values())).all()
+    for part, share in shares(name, technique, make_stage, widening).items():
+        expected = 0.0 if part == "sealed" else 1.0
+        assert abs(share - expected) <= OFF_BY[technique][part], part
