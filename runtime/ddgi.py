@@ -30,7 +30,7 @@ from runtime.probes import IRRADIANCE_SIZE, RAYS_AT_ONCE, ProbeGrid, atlas_size,
 from runtime.resources import Buffer, Sampler, Texture
 from runtime.scene_tracer import open_tracer
 from runtime.structs import GpuStruct, f32, u32, vec3f, vec3u, vec4f
-from runtime.technique import Float64, FrameLight
+from runtime.technique import Drawing, Float64, FrameLight
 from runtime.twins.random import random_rotation
 from runtime.world import World
 
@@ -228,6 +228,9 @@ class Ddgi:
             f"{self.name}/irradiance-atlas": self._irradiance,
             f"{self.name}/distance-atlas": self._distance,
         }
+
+    def drawings(self) -> Mapping[str, Drawing]:
+        return {}
 
     @property
     def memory(self) -> int:

@@ -9,7 +9,7 @@ from runtime.device import Gpu
 from runtime.encoder import Recorder
 from runtime.resources import Texture
 from runtime.scene_tracer import PrimitiveTracer
-from runtime.technique import FrameLight
+from runtime.technique import Drawing, FrameLight
 from runtime.world import World
 
 
@@ -35,4 +35,7 @@ class NoGi:
         return
 
     def views(self) -> Mapping[str, Texture]:
+        return {}
+
+    def drawings(self) -> Mapping[str, Drawing]:
         return {}

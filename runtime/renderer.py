@@ -301,7 +301,7 @@ class Renderer:
 
     def all_views(self) -> tuple[str, ...]:
         """Names that `read_view` takes: the frame's layers, the primitives', the technique's."""
-        return (*views.VIEWS, *self._own_views())
+        return (*views.VIEWS, *self._own_views(), *self.technique.drawings())
 
     def _own_views(self) -> Mapping[str, Texture]:
         return {**self.technique.views(), **(self._glossy.views() if self._glossy else {})}
@@ -323,6 +323,8 @@ class Renderer:
             "direct_irradiance": self._direct.irradiance,
             "indirect_irradiance": self._indirect,
         }
+        if name in (drawings := self.technique.drawings()):
+            return self._views.draw(name, drawings[name], {**shared, "radiance": self._radiance})[..., :3]
         pixels = self._views.extract(name, shared)
         if name == "position":
             return np.where(pixels[..., 3:] > 0, pixels[..., :3] + self.world.origin, 0).astype(np.float32)

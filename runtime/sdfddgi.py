@@ -9,6 +9,7 @@ what fails.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,16 +19,21 @@ from runtime.device import Gpu
 from runtime.encoder import Recorder
 from runtime.kernel import Kernel
 from runtime.probe_choice import ProbeChoice
-from runtime.probes import IRRADIANCE_SIZE, RAYS_AT_ONCE, IrradianceProbes, ProbeGrid
+from runtime.probes import FRESH, IRRADIANCE_SIZE, RAYS_AT_ONCE, IrradianceProbes, ProbeGrid, ProbeRecord
 from runtime.resources import Buffer, Texture
 from runtime.scene_tracer import PrimitiveTracer
 from runtime.scrolling import ScrollingGrid
 from runtime.sdfddgi_settings import SdfddgiSettings
 from runtime.structs import GpuStruct, f32, u32, vec3f, vec3i, vec3u
-from runtime.technique import FrameLight
+from runtime.technique import Drawing, FrameLight
 from runtime.world import World
 
 __all__ = ["Sdfddgi", "SdfddgiSettings"]
+
+SHOWN_BY_PROBES = ("states", "age", "updates", "refused", "irradiance")
+"""In the order of `sdfddgi/show_probes`: lit (green), fresh (blue) or off (red); frames since the last
+update, up to 16; number of updates, by its logarithm, up to 256; share of reflective shadow samples that were
+refused; irradiance over pi."""
 
 RAYS_ON_SOFTWARE = 4096
 """Rays of a probe in one frame that Mesa's llvmpipe can follow. It leaves all loops of an invocation in
@@ -75,6 +81,25 @@ class ProbeHistory(GpuStruct):
     rsm_asked: u32
     rsm_refused: u32
     rsm_missed: u32
+
+
+@dataclass(frozen=True)
+class ProbeStatistics:
+    """off: probes without a place; fresh: with one, but without light yet. longest_wait: frames since the
+    last update of the probe that waits longest, 0 without a budget.
+
+    rsm_samples: what the probes asked of the reflective shadow maps in their last updates; rsm_refused: the
+    share that the maps' test turned down, so that a shadow was traced; rsm_missed: the share of all that was
+    turned down and found lit.
+    """
+
+    probes: int
+    off: int
+    fresh: int
+    longest_wait: int
+    rsm_samples: int
+    rsm_refused: float
+    rsm_missed: float
 
 
 class Sdfddgi:
@@ -226,6 +251,33 @@ class Sdfddgi:
 
     def views(self) -> Mapping[str, Texture]:
         return {f"{self.name}/probe-atlas": self.probes.atlas}
+
+    def drawings(self) -> Mapping[str, Drawing]:
+        """The probes as balls, which tell what `SHOWN_BY_PROBES` names."""
+        bindings = {**self.probes.lookup_bindings(), "probe_histories": self._histories}
+        return {
+            f"{self.name}/probe-{what}": Drawing("sdfddgi/show_probes", {"SHOWN": code}, bindings)
+            for code, what in enumerate(SHOWN_BY_PROBES)
+        }
+
+    def statistics(self) -> ProbeStatistics:
+        """Of the probes as they are now; waits for the GPU."""
+        histories = self._histories.read(ProbeHistory.dtype, (self.count,))
+        state = self.probes.records.read(ProbeRecord.dtype, (self.count,))["position"][:, 3]
+        is_placed = state >= FRESH
+        waited = histories["waited"][is_placed]
+        asked, refused, missed = (
+            int(histories[f"rsm_{name}"].sum(dtype=np.int64)) for name in ("asked", "refused", "missed")
+        )
+        return ProbeStatistics(
+            probes=self.count,
+            off=int(np.count_nonzero(~is_placed)),
+            fresh=int(np.count_nonzero(state == FRESH)),
+            longest_wait=int(waited.max(initial=0)),
+            rsm_samples=asked,
+            rsm_refused=refused / max(asked, 1),
+            rsm_missed=missed / max(asked, 1),
+        )
 
     @property
     def memory(self) -> int:

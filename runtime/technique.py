@@ -50,6 +50,16 @@ class FrameLight:
     clip_from_local: Float64 | None = None
 
 
+@dataclass(frozen=True)
+class Drawing:
+    """A debug picture: the kernel that writes it to `layer`, its constants, and what it binds besides the
+    frame's layers."""
+
+    kernel: str
+    constants: Mapping[str, float] = field(default_factory=dict)
+    bindings: Mapping[str, Any] = field(default_factory=dict)
+
+
 class Technique(Protocol):
     """Answers one question for every consumer: the irradiance at a point with a normal.
 
@@ -75,6 +85,9 @@ class Technique(Protocol):
 
     def views(self) -> Mapping[str, Texture]:
         """Textures worth looking at, by name."""
+
+    def drawings(self) -> Mapping[str, Drawing]:
+        """Debug pictures that it draws over a frame, by name."""
 
     @property
     def volume(self) -> tuple[Float64, Float64] | None:

@@ -15,6 +15,7 @@ from runtime.kernel import Kernel, Resource
 from runtime.resources import Buffer, Texture
 from runtime.settings import RenderSettings, ToneCurve
 from runtime.structs import GpuStruct, f32, u32
+from runtime.technique import Drawing
 
 Float32 = NDArray[np.float32]
 UInt8 = NDArray[np.uint8]
@@ -118,7 +119,15 @@ class Views:
             else:
                 code = dict(zip(LAYERS, range(len(LAYERS)), strict=True))[name]
                 self._kernels[name] = Kernel(self._gpu, "view/extract_layer", constants={"LAYER": code})
-        kernel = self._kernels[name]
+        return self._run(name, self._kernels[name], shared)
+
+    def draw(self, name: str, drawing: Drawing, shared: Mapping[str, Resource]) -> NDArray[np.float32]:
+        """A technique's debug picture, in the form of `extract`'s."""
+        if name not in self._kernels:
+            self._kernels[name] = Kernel(self._gpu, drawing.kernel, constants=drawing.constants)
+        return self._run(name, self._kernels[name], {**shared, **drawing.bindings})
+
+    def _run(self, name: str, kernel: Kernel, shared: Mapping[str, Resource]) -> NDArray[np.float32]:
         rec = Recorder(self._gpu, label=name)
         with rec.compute(kernel.name) as compute_pass:
             kernel.dispatch(compute_pass, kernel.groups_for(*self._size), shared, layer=self._layer)
