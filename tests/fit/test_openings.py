@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +14,14 @@ from fit.glow import find_glow
 from fit.light import EvenLight, cosine_directions
 from fit.openings import reflected_shares
 from fit.primitives import PrimitiveSet, make_box
-from fit.scene import Instance, Material, Mesh, Scene
+from fit.scene import Material, Scene
 from fit.spaces import Air
 from fit.surface import from_scene, from_triangles
 from fit.targets import Seen, see_surface
+from pipelines.reference.triangulate import triangulate
+from runtime.lights import Illumination, Sun
+from runtime.path_tracer import PathTracer
+from runtime.sky import Sky
 
 ALBEDO = 0.6
 
@@ -43,21 +47,10 @@ def boxes(places: list[Box]) -> PrimitiveSet:
 
 
 @pytest.fixture(scope="module")
-def gallery() -> tuple[Scene, Air, Seen]:
+def gallery(mesh_of_boxes: Any) -> tuple[Scene, Air, Seen]:
     """The gallery with its piers, of one albedo."""
-    meshes, instances = [], []
-    for center, size in GALLERY + PIERS:
-        mesh = trimesh.creation.box(size)
-        normals = np.asarray(mesh.vertex_normals)
-        triangles = np.asarray(mesh.faces, np.uint32)
-        place = np.eye(4)
-        place[:3, 3] = center
-        instances.append(Instance(len(meshes), -1, place))
-        meshes.append(Mesh("box", np.asarray(mesh.vertices), normals, triangles, 0))
     material = Material(base_color=(ALBEDO, ALBEDO, ALBEDO, 1.0))
-    scene = Scene(
-        Path("gallery.gltf"), meshes=tuple(meshes), materials=(material,), instances=tuple(instances)
-    )
+    scene: Scene = mesh_of_boxes(boxes(GALLERY + PIERS), material)
     air = find_air(from_scene(scene), scene, resolution=80)
     return scene, air, see_surface(air, 12_000, 0)
 
@@ -93,6 +86,26 @@ def test_a_slab_across_an_arcade_is_as_dark_as_its_arches(gallery: tuple[Scene, 
     # From inside, the openings are brighter than any wall could be.
     assert towards_gallery == pytest.approx(ALBEDO, abs=1e-3)
     np.testing.assert_allclose(shut.albedo[0, 2], ALBEDO, atol=1e-3)  # the floor
+
+
+def test_a_court_before_a_shut_arcade_gets_the_light_of_an_open_one(
+    gpu: Any, gallery: tuple[Scene, Air, Seen]
+) -> None:
+    """Path traced in sun and sky; a slab in the wall's own colour makes the court a quarter too bright."""
+    scene, air, seen = gallery
+    light = Illumination((Sun((0.3, 0.6, 0.8), 12.0),), Sky.constant((0.4, 0.5, 0.7)))
+    x, z = np.meshgrid(np.linspace(-4.5, 4.5, 16), np.linspace(0.6, 4, 16))
+    points = np.stack([x.ravel(), np.full(x.size, 1e-3), z.ravel()], axis=1)
+    normals = np.tile([0.0, 1.0, 0.0], (x.size, 1))
+
+    def irradiance(of: Scene) -> float:
+        return float(PathTracer(gpu, of, light).irradiance(points, normals, samples=64).value.mean())
+
+    dimmed = color(boxes([*GALLERY, FRONT]), scene, air, seen, find_glow(scene, air))
+    plain = boxes([*GALLERY, FRONT]).with_uniform_color((ALBEDO, ALBEDO, ALBEDO))
+    truth = irradiance(scene)
+    assert irradiance(triangulate(plain)) > 1.25 * truth
+    assert irradiance(triangulate(dimmed)) == pytest.approx(truth, rel=0.06)
 
 
 def test_faces_that_shut_nothing_keep_all_their_albedo(gallery: tuple[Scene, Air, Seen]) -> None:
