@@ -151,8 +151,12 @@ def check(settings: GiBenchSettings) -> None:
         )
     for file in settings.files:
         settings.stage(file)
-        if not settings.wishes(file):
+        names = [wish.name for wish in settings.wishes(file)]
+        if not names:
             raise UsageError("--budgets: give at least one budget, a preset or a set")
+        for name in names:
+            if names.count(name) > 1:
+                raise UsageError(f"--sets: several sets are called {name!r}; name the folders differently")
     check_air(settings.air)
     if min(settings.probes) < 8:
         raise UsageError(f"--probes {min(settings.probes)}: one cell of a grid already has 8 probes")

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from pipelines.bench_gi_scene import pass_costs
+from pipelines.bench_gi import GiBenchSettings, check
+from pipelines.bench_gi_scene import SceneBench, pass_costs
 from pipelines.bench_gi_summary import choose, preset_of, settings_of
 from pipelines.errors import UsageError
+from pipelines.gi_errors import TruthSettings
 from pipelines.gi_presets import QUALITIES, GiPreset, find_preset, write_presets
 from pipelines.methods import METHODS, SOFTWARE_PROBES, technique_settings
 from pipelines.report.gi_advice import through_primitives
+from pipelines.report.gi_tables import by_scene
 
 
 def run(budget: int, milliseconds: float | None, total: float, **changes: Any) -> dict[str, Any]:
@@ -112,3 +117,49 @@ def test_a_method_that_sees_the_mesh_is_not_the_only_advice() -> None:
     assert line.startswith("Through primitives alone, with no mesh to trace, take sdfddgi, 192 primitives")
     assert "for 3 ms" in line
     assert through_primitives(tried[1], {"tried": tried}) == []
+
+
+def test_each_scene_shows_what_the_means_hide() -> None:
+    hall, attic = run(48, 1.0, 0.1, set="coarse"), run(31, 1.0, 0.4, set="coarse")
+    scenes = [
+        scene(hall, run(192, 2.0, 0.05, set="fine")) | {"name": "hall"},
+        scene(attic) | {"name": "attic"},
+    ]
+    presets = {"best": settings_of(scenes)[0]}
+    table = by_scene({"scenes": scenes, "presets": presets})
+    coarse, fine = table.split("<tr>")[2:]
+    assert "48 primitives" in coarse
+    assert "(best)" in coarse, "sets of one name are one setting, whatever their sizes"
+    assert coarse.index("10 %") < coarse.index("40 %")
+    assert "5 %" in fine
+    assert ">-<" in fine, "the attic has no fine set"
+
+
+def test_sets_that_were_made_before_go_by_the_scenes_names(tmp_path: Path) -> None:
+    for name in ("coarse", "fine"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "hall.prims.npz").touch()
+    folders = (tmp_path / "coarse", tmp_path / "fine")
+    settings = GiBenchSettings(
+        (), tmp_path, TruthSettings(), set_folders=folders, presets=("coarse",), budgets=(8,)
+    )
+    found = settings.wishes(Path("scenes/hall.gltf"))
+    assert [wish.name for wish in found] == ["coarse", "fine", "coarse", "at most 8"]
+    assert [wish.limit for wish in found] == [None, None, 48, 8]
+    assert found[1].file == tmp_path / "fine" / "hall.prims.npz"
+    with pytest.raises(UsageError, match=r"sdfprim convert scenes/attic\.gltf -o"):
+        settings.wishes(Path("scenes/attic.gltf"))
+    (tmp_path / "hall.gltf").touch()
+    with pytest.raises(UsageError, match="several sets are called 'coarse'"):
+        check(replace(settings, files=(tmp_path / "hall.gltf",)))
+
+
+@pytest.mark.parametrize(("noise", "notes"), [(0.05, 1), (0.3, 2)])
+def test_a_noisy_truth_is_told(noise: float, notes: int) -> None:
+    judge = SimpleNamespace(
+        mesh=SimpleNamespace(noise=noise, samples=64), truth=SimpleNamespace(notes=lambda: ("slow",))
+    )
+    bench = SimpleNamespace(shots=[SimpleNamespace(name="hall", judge=judge)])
+    found = SceneBench.notes(bench)  # type: ignore[arg-type]
+    assert len(found) == notes
+    assert all("30% of noise" in note for note in found[1:])
