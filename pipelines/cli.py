@@ -14,6 +14,7 @@ import cyclopts
 from cyclopts import Parameter
 
 from pipelines import (
+    bench_contact,
     bench_fit,
     bench_frame,
     bench_gi,
@@ -211,6 +212,7 @@ def render_scene(
     frames_per_second: float = 24.0,
     animation: str | None = None,
     culling: Culling = "grid",
+    contact: render.Contact = "off",
     json: Annotated[bool, Flag] = False,
 ) -> int:
     """Render a glTF scene, lit through its primitives.
@@ -272,6 +274,10 @@ def render_scene(
     culling
         How the nearest primitive is found: by exact lists on a grid, by clusters, or by asking all (none).
         The picture is the same.
+    contact
+        Light from what is near on the screen and too small for the primitives: off, on, or paper (as SDFDDGI
+        prints it, which loses energy). Its views are contact/ao, contact/near, contact/sources and, before
+        they are denoised, contact/ao-raw and contact/near-raw.
     json
         Print the report as JSON.
     """
@@ -281,7 +287,7 @@ def render_scene(
         raise UsageError(f"--gi {gi}: --quality {quality} chooses the technique; leave one of them out")
     settings = render.PictureSettings(
         scene, output, set_, gi or "sdfddgi", camera, lighting, exposure, scale, aov, parse_size(size),
-        frames, view, samples, noise, glossy, quality, presets,
+        frames, view, samples, noise, glossy, contact, quality, presets,
         TimeOptions(time, parse_span(animate), frames_per_second, animation), culling,
     )  # fmt: skip
     with terminal.progress() as update:
@@ -645,6 +651,63 @@ def bench_light(
         report = bench_gi.run(settings, update)
     terminal.result(report, lambda: bench_gi.show(report, settings, terminal))
     return FAILED if bench_gi.failed(report) else OK
+
+
+@bench.command(name="contact")
+def bench_contact_light(
+    *files: Path,
+    output: Annotated[Path, Output],
+    set_: Annotated[Path | None, Parameter(name="--set")] = None,
+    camera: Annotated[str | None, Numbers] = None,
+    sun: Annotated[str | None, Numbers] = None,
+    sky: Annotated[str | None, Numbers] = None,
+    lights: Literal["file"] | None = None,
+    size: str = "320x180",
+    samples: int = 256,
+    frames: int = bench_contact.FRAMES,
+    seed: int = 0,
+    json: Annotated[bool, Flag] = False,
+) -> int:
+    """Measure contact light's ambient occlusion against rays over its settings, each changed alone.
+
+    Writes OUTPUT/report.json after every setting.
+
+    Parameters
+    ----------
+    files
+        .gltf or .glb files; two that come with the program by default.
+    output
+        Folder for the results; it is made where it is missing.
+    set_
+        Primitives of the one scene: the irradiance near to things is held against path tracing, too.
+    camera
+        As for render.
+    sun
+        As for render.
+    sky
+        As for render.
+    lights
+        As for render.
+    size
+        Width x height in pixels.
+    samples
+        Rays, and paths, for each point of the truth.
+    frames
+        Frames until contact light is judged.
+    seed
+        Seed of all random choices.
+    json
+        Print the report as JSON.
+    """
+    terminal = Terminal(json)
+    lighting = render.LightingOptions(sun, sky, lights == "file")
+    settings = bench_contact.ContactBenchSettings(
+        files, output, set_, camera, lighting, parse_size(size), samples, frames, seed
+    )
+    with terminal.progress() as update:
+        report = bench_contact.run(settings, update)
+    terminal.result(report, lambda: bench_contact.show(report, settings, terminal))
+    return OK
 
 
 @bench.command(name="tracing")

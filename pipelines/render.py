@@ -18,7 +18,7 @@ from pipelines.documents import report_header
 from pipelines.errors import UsageError
 from pipelines.gi_presets import GiPreset, find_preset
 from pipelines.methods import Culling
-from pipelines.studio import AS_IN_THE_FILE, DEFAULT_FRAMES, LightingOptions, Studio
+from pipelines.studio import AS_IN_THE_FILE, DEFAULT_FRAMES, Contact, LightingOptions, Studio
 from runtime.views import AOV_LAYERS, UNLIT, VIEWS
 
 if TYPE_CHECKING:
@@ -46,9 +46,10 @@ class PictureSettings:
     one frame and no technique, whatever `frames` and `gi` say.
 
     samples, noise: of a reference, paths a pixel, and the mean absolute noise, a share of the mean, at which
-    to end before. glossy: smooth surfaces and metals reflect. quality: name of a preset, which then stands
-    for `gi`; presets: the file that it is in, instead of the program's own. when: the time of the scene's
-    animation, or the row of times for which `output` numbers a picture each.
+    to end before. glossy: smooth surfaces and metals reflect. contact: light from what is near on the
+    screen. quality: name of a preset, which then stands for `gi`; presets: the file that it is in, instead
+    of the program's own. when: the time of the scene's animation, or the row of times for which `output`
+    numbers a picture each.
     """
 
     scene: Path
@@ -66,6 +67,7 @@ class PictureSettings:
     samples: int = DEFAULT_SAMPLES
     noise: float | None = None
     glossy: bool = False
+    contact: Contact = "off"
     quality: str | None = None
     presets: Path | None = None
     when: TimeOptions = AT_REST
@@ -116,11 +118,15 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
 
     began = time.perf_counter()
     views = (settings.view, *(AOV_LAYERS if settings.aov else ()))
-    options = {} if preset is None else preset.technique_options(software=studio.gpu.is_software)
+    options: dict[str, Any] = {
+        "glossy": settings.glossy,
+        "contact": settings.contact,
+        "culling": settings.culling,
+    }
+    if preset is not None:
+        options |= preset.technique_options(software=studio.gpu.is_software)
     if times := settings.when.times():
-        renderer = studio.open_renderer(
-            primitives, settings.gi, glossy=settings.glossy, culling=settings.culling, **options
-        )
+        renderer = studio.open_renderer(primitives, settings.gi, **options)
 
         def write(number: int, result: Result) -> None:
             file = numbered(settings.output, number) if settings.when.span else settings.output
@@ -128,16 +134,7 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
 
         result = play(renderer, studio.view.camera, times, settings.frames, views, write, done)
     else:
-        result = studio.render(
-            primitives,
-            settings.gi,
-            settings.frames,
-            views,
-            done,
-            glossy=settings.glossy,
-            culling=settings.culling,
-            **options,
-        )
+        result = studio.render(primitives, settings.gi, settings.frames, views, done, **options)
         write_picture(settings, result)
     seconds = time.perf_counter() - began
     return (
@@ -210,6 +207,10 @@ def check(settings: PictureSettings) -> None:
     if settings.gi in REFERENCES and settings.glossy:
         raise UsageError(
             f"--glossy: --gi {settings.gi} takes every surface for diffuse; leave one of them out"
+        )
+    if settings.gi in REFERENCES and settings.contact != "off":
+        raise UsageError(
+            f"--contact {settings.contact}: --gi {settings.gi} traces what is near; leave one of them out"
         )
     if settings.gi in REFERENCES and is_technique_view:
         raise UsageError(f"--view {settings.view}: --gi {settings.gi} has no such view")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from fit.scene import Scene
 from pipelines.errors import UsageError
@@ -16,6 +16,7 @@ from pipelines.views import View, choose_view
 if TYPE_CHECKING:
     from fit.primitives import PrimitiveSet
     from fit.spaces import Air
+    from runtime.contact_settings import ContactSettings
     from runtime.device import Gpu
     from runtime.lights import Illumination
     from runtime.renderer import Renderer, Result
@@ -27,6 +28,12 @@ DEFAULT_FRAMES = 64
 
 SOFTWARE_WHOLE_FRAMES = 4
 """Frames that a software adapter draws whole: enough for a median of the pixels' passes."""
+
+SOFTWARE_CONTACT_FRAMES = 16
+"""The same with contact light, whose noise goes with whole frames."""
+
+Contact = Literal["off", "on", "paper"]
+"""Light from what is near on the screen: none, that which conserves energy, and SDFDDGI's own."""
 
 FrameDone = Callable[[int, int], None]
 """Called with the frames that are done and all that are asked for."""
@@ -70,6 +77,15 @@ class LightingOptions:
 
 
 AS_IN_THE_FILE = LightingOptions()
+
+
+def contact_settings(contact: Contact) -> ContactSettings | None:
+    """What an option of `--contact` stands for."""
+    from runtime.contact_settings import ContactForm, ContactSettings
+
+    if contact == "off":
+        return None
+    return ContactSettings(ContactForm.PRINTED if contact == "paper" else ContactForm.CONSERVING)
 
 
 @dataclass(frozen=True)
@@ -117,16 +133,18 @@ class Studio:
         done: FrameDone | None = None,
         probes: ProbesOption | None = None,
         glossy: bool = False,
+        contact: Contact = "off",
         **options: Any,
     ) -> Result:
         """Renders `frames` frames and returns the last one: its views, and the medians of its passes' times.
 
-        technique: one of `methods.METHODS`; probes: how fine they stand; glossy: with reflections; options:
-        `culling` (`WorldSettings`), and further settings of the technique. On a software adapter all but the
-        last few frames bring only the light up to date.
+        technique: one of `methods.METHODS`; probes: how fine they stand; glossy: with reflections; contact:
+        with what is near on the screen; options: `culling` (`WorldSettings`), and further settings of the
+        technique. On a software adapter all but the last few frames bring only the light up to date.
         """
-        whole = min(frames, SOFTWARE_WHOLE_FRAMES) if self.gpu.is_software else frames
-        renderer = self.open_renderer(primitives, technique, probes, glossy, **options)
+        most = SOFTWARE_WHOLE_FRAMES if contact == "off" else SOFTWARE_CONTACT_FRAMES
+        whole = min(frames, most) if self.gpu.is_software else frames
+        renderer = self.open_renderer(primitives, technique, probes, glossy, contact, **options)
         return renderer.render(
             self.view.camera, frames=whole, settle=frames - whole, only=views, progress=done
         )
@@ -137,13 +155,15 @@ class Studio:
         technique: str,
         probes: ProbesOption | None = None,
         glossy: bool = False,
+        contact: Contact = "off",
         **options: Any,
     ) -> Renderer:
         """A renderer for one method, for those who change something between frames; arguments as for
         `render`."""
         from runtime.renderer import Renderer
 
-        settings = replace(self.settings(technique, primitives, probes, **options), glossy=glossy)
+        settings = self.settings(technique, primitives, probes, **options)
+        settings = replace(settings, glossy=glossy, contact=contact_settings(contact))
         return Renderer(self.gpu, self.scene, primitives, settings, self.illumination)
 
     def settings(

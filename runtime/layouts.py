@@ -9,11 +9,12 @@ from runtime.camera import Frame
 from runtime.candidate_grid import ListUse
 from runtime.cascades import DdgiCascade, DdgiInfo
 from runtime.clusters import Cluster
+from runtime.contact import ContactInfo
 from runtime.ddgi import DdgiUpdate, RelocateSettings
 from runtime.emitters import Emitter
 from runtime.lights import Light, Lighting
 from runtime.meshes import Instance, SurfaceMaterial
-from runtime.path_tracer import PathSettings
+from runtime.path_tracer import OcclusionSettings, PathSettings
 from runtime.probe_choice import ChoiceCounts, ChoiceSettings, ChoiceTotals
 from runtime.probes import ProbeGridInfo, ProbeRecord
 from runtime.sdfddgi import PlaceSettings, ProbeHistory, UpdateSettings
@@ -57,4 +58,6 @@ STRUCTS: tuple[type[GpuStruct], ...] = (
     TriangleMaterial,
     TriangleImage,
     PathSettings,
+    OcclusionSettings,
+    ContactInfo,
 )

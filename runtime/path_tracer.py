@@ -19,11 +19,14 @@ from runtime.resources import Buffer
 from runtime.scene_tracer import PrimitiveTracer, SceneTracer, TriangleTracer
 from runtime.settings import ShadowSettings
 from runtime.sky import SkyMap
-from runtime.structs import GpuStruct, u32
+from runtime.structs import GpuStruct, f32, u32
 from runtime.world import World
 
 SAMPLES_AT_ONCE = 4
 """Samples of one dispatch: few enough that no driver takes it for a hang."""
+
+RAYS_AT_ONCE = 64
+"""The same of single rays."""
 
 ROW = 1 << 15
 """Points in a row of workgroups; more go to further rows."""
@@ -35,6 +38,15 @@ class PathSettings(GpuStruct):
     samples: u32
     first_sample: u32
     seed: u32
+
+
+class OcclusionSettings(GpuStruct):
+    row: u32
+    samples: u32
+    first_sample: u32
+    seed: u32
+    radius: f32
+    falloff: f32
 
 
 class PathTracer:
@@ -114,6 +126,44 @@ class PathTracer:
             )
         rec.submit()
         return irradiance.read(np.float32, (len(rows), 4))[:, :3].astype(np.float64)
+
+    def openness(
+        self,
+        points: ArrayLike,
+        normals: ArrayLike,
+        radius: float,
+        falloff: float,
+        *,
+        samples: int = 256,
+        seed: int = 0,
+    ) -> NDArray[np.float64]:
+        """Ambient occlusion (n,) at world points (n, 3) with unit normals (n, 3): the share of the
+        hemisphere, weighted by the cosine, that nothing within `radius` metres covers; what covers it fades
+        out over the last share `falloff` of them."""
+        rows = self._rows(points, normals)
+        if len(rows) == 0:
+            return np.zeros(0)
+        kernel = Kernel(self.gpu, "paths/gather_occlusion", aliases={"tracer": self.tracer.folder})
+        buffer = Buffer(self.gpu, rows, label="points")
+        sums = Buffer(self.gpu, np.zeros(len(rows), np.float32), label="openness")
+        row = min(len(rows), ROW)
+        for first in range(0, samples, RAYS_AT_ONCE):
+            count = min(RAYS_AT_ONCE, samples - first)
+            settings = OcclusionSettings.pack(
+                row=row, samples=count, first_sample=first, seed=seed, radius=radius, falloff=falloff
+            )
+            rec = Recorder(self.gpu, label="occlusion")
+            with rec.compute(kernel.name) as compute_pass:
+                kernel.dispatch(
+                    compute_pass,
+                    kernel.groups_for(row, -(-len(rows) // row)),
+                    self.tracer.bindings(),
+                    settings=Buffer(self.gpu, settings, "uniform", label="occlusion settings"),
+                    points=buffer,
+                    sums=sums,
+                )
+            rec.submit()
+        return sums.read(np.float32, (len(rows),)).astype(np.float64) / samples
 
     def _rows(self, points: ArrayLike, normals: ArrayLike) -> NDArray[np.float32]:
         """Local positions and normals (n, 2, 4) as the kernels read them."""

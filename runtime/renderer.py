@@ -1,5 +1,5 @@
 """The frame, read from top to bottom: world, shadow maps, technique, G-buffer, direct light, indirect
-light, picture.
+light, contact light, picture.
 
     renderer = Renderer(gpu, scene, primitives, RenderSettings(size=(640, 360), gi="sdfddgi"))
     result = renderer.render(camera, frames=16)
@@ -21,6 +21,7 @@ from fit.primitives import PrimitiveSet
 from fit.scene import Camera, Float64, Scene
 from runtime import views
 from runtime.camera import Frame, clip_from_local, frame_record, overview
+from runtime.contact import Contact
 from runtime.device import Gpu
 from runtime.direct import DirectLight, LightMaps
 from runtime.encoder import Recorder
@@ -35,7 +36,7 @@ from runtime.settings import RenderSettings
 from runtime.sky import Sky, SkyMap
 from runtime.technique import FrameLight, create
 from runtime.timing import Interval, Timer
-from runtime.views import ToneMap, Views, to_display
+from runtime.views import Readable, ToneMap, Views, to_display
 from runtime.world import World
 
 Float32 = NDArray[np.float32]
@@ -95,10 +96,13 @@ class Renderer:
         self._frame = Buffer(gpu, Frame.dtype.itemsize, "uniform", label="frame")
         self._draw_gbuffer = GBufferPass(gpu)
         self._direct = DirectLight(gpu, size)
-        self._indirect = Texture(gpu, size, "rgba32float", "sample|storage", label="indirect_irradiance")
+        self._probes = Texture(gpu, size, "rgba32float", "sample|storage", label="probe_irradiance")
         self._radiance = Texture(gpu, size, "rgba32float", "sample|storage", label="radiance")
         self._gather = Kernel(gpu, "composite/gather_irradiance", aliases={"technique": self.technique.name})
         self._combine = Kernel(gpu, "composite/combine_light")
+        wanted = self.settings.contact
+        self._contact = Contact(gpu, size, wanted, scene) if wanted else None
+        self._indirect = self._contact.irradiance if self._contact else self._probes
         self._glossy = Glossy(gpu, size, self.technique) if self.settings.glossy else None
         self._tone_map = ToneMap(gpu, size, self.settings.exposure, self.settings.tone_curve)
         self._views = Views(gpu, size)
@@ -214,7 +218,8 @@ class Renderer:
             self.gbuffer.begin_frame()
             self._draw_gbuffer.record(rec, self.meshes, self.gbuffer, self._frame_bindings())
             self._direct.record(rec, self.gbuffer, self.world.bindings(), self._frame_bindings())
-            self._record_indirect(rec)
+            self._record_probes(rec)
+            self._record_contact(rec)
             self._record_radiance(rec)
             self._tone_map.record(rec, self._radiance)
         rec.submit()
@@ -223,9 +228,14 @@ class Renderer:
             self._previous_camera = camera
             self.meshes.end_frame()
 
-    def _record_indirect(self, rec: Recorder) -> None:
+    def _record_probes(self, rec: Recorder) -> None:
         """Indirect irradiance at every pixel, from the technique."""
-        self._dispatch(rec, self._gather, pixel_irradiance=self._indirect)
+        self._dispatch(rec, self._gather, pixel_irradiance=self._probes)
+
+    def _record_contact(self, rec: Recorder) -> None:
+        """The same with the light of what is near on the screen, if that is wanted."""
+        if self._contact is not None:
+            self._contact.record(rec, self._shared(), self._direct.irradiance, self._probes, self._index)
 
     def _record_radiance(self, rec: Recorder) -> None:
         """Surfaces under both irradiances, with their reflections if these are wanted, or the sky."""
@@ -303,8 +313,9 @@ class Renderer:
         """Names that `read_view` takes: the frame's layers, the primitives', the technique's."""
         return (*views.VIEWS, *self._own_views(), *self.technique.drawings())
 
-    def _own_views(self) -> Mapping[str, Texture]:
-        return {**self.technique.views(), **(self._glossy.views() if self._glossy else {})}
+    def _own_views(self) -> Mapping[str, Readable]:
+        stages = (self.technique, self._contact, self._glossy)
+        return {name: view for stage in stages if stage for name, view in stage.views().items()}
 
     def read_view(self, name: str) -> Float32:
         """A view of the last whole frame, (height, width, 3) float32; a technique's texture as it is.

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from runtime.contact_settings import ContactSettings
 from runtime.twins import color
 
 CULLINGS = ("grid", "clusters", "none")
@@ -103,14 +104,16 @@ class RenderSettings:
 
     size: width and height in pixels. gi: name of the global illumination technique; technique: its own
     settings, or None for its defaults. glossy: smooth surfaces and metals reflect, else base colour is all
-    diffuse, as in comparisons. exposure: stops (EV), never automatic. max_texture_size: wider
-    textures are halved until they fit. world: how the primitives are searched.
+    diffuse, as in comparisons. contact: light from what is near on the screen, or None. exposure: stops (EV),
+    never automatic. max_texture_size: wider textures are halved until they fit. world: how the primitives
+    are searched.
     """
 
     size: tuple[int, int] = (640, 360)
     gi: str = "sdfddgi"
     technique: Any = None
     glossy: bool = False
+    contact: ContactSettings | None = None
     exposure: float = 0.0
     tone_curve: ToneCurve = ToneCurve.ACES
     max_texture_size: int = 2048

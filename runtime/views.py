@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,11 +57,34 @@ VIEWS = ("final", *LAYERS, *TRACED, *PANELS)
 UNLIT = ("albedo", "normal", "face_normal", "position", "depth", "emission", "mesh", *TRACED, *PANELS)
 """Views that show no light: one frame without a technique gives them."""
 
+SHARES = ("contact/ao", "contact/ao-raw")
+"""Views of shares in [0, 1]: no exposure makes them brighter."""
+
 MOST_STEPS = 64
 """Steps of a ray that `sdf-steps` shows as white."""
 
 MOST_CANDIDATES = 32
 """Primitives asked at a place that `candidate-counts` shows as white."""
+
+
+class Readable(Protocol):
+    """What is worth looking at: a texture, or a part of one."""
+
+    def read(self) -> NDArray[Any]:
+        """Its texels (height, width[, channels]); waits for the GPU."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One channel of a texture."""
+
+    texture: Texture
+    index: int
+
+    def read(self) -> NDArray[Any]:
+        """Its texels (height, width); waits for the GPU."""
+        texels: NDArray[Any] = self.texture.read()[..., self.index]
+        return texels
 
 
 class Display(GpuStruct):
@@ -155,7 +179,7 @@ def to_display(name: str, pixels: Float32, settings: RenderSettings) -> UInt8:
         return _bytes(_heat(pixels[..., 0] / MOST_STEPS))
     if name == "candidate-counts":
         return _bytes(_heat(pixels[..., 0] / MOST_CANDIDATES))
-    if name in ("albedo", "roughness", "mesh", "primitives", "blend", *PANELS):
+    if name in ("albedo", "roughness", "mesh", "primitives", "blend", *PANELS, *SHARES):
         return encode(pixels)
     return encode(pixels, settings.exposure, settings.tone_curve)
 

@@ -299,3 +299,28 @@ struct PathSettings {  // 20 bytes
     first_sample: u32,  // 12
     seed: u32,          // 16
 }
+
+struct OcclusionSettings {  // 24 bytes
+    row: u32,           // 0
+    samples: u32,       // 4
+    first_sample: u32,  // 8
+    seed: u32,          // 12
+    radius: f32,        // 16
+    falloff: f32,       // 20
+}
+
+struct ContactInfo {  // 56 bytes
+    size: vec2u,          // 0
+    scale: u32,           // 8
+    frame: u32,           // 12
+    seed: u32,            // 16
+    slices: u32,          // 20
+    steps: u32,           // 24
+    step_exponent: f32,   // 28
+    radius: f32,          // 32
+    falloff: f32,         // 36
+    thickness: f32,       // 40
+    longest: f32,         // 44
+    history_frames: f32,  // 48
+    clip_width: f32,      // 52
+}

@@ -174,6 +174,9 @@ DOMAINS: dict[str, Callable[[np.random.Generator, int], np.ndarray]] = {
     "slope": uniform(-1, 0.5),
     "measured": uniform(-1.1, 1.1),
     "tile_size": uniform(16, 2000),
+    "from_share": uniform(0, 1),
+    "to_share": uniform(0, 1),
+    "jitter": uniform(0, 1),
 }
 
 TOLERANCE: dict[str, float] = {
