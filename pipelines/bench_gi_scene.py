@@ -162,9 +162,12 @@ class SceneBench:
         first_ms: float | None,
         update: Update,
     ) -> dict[str, float | None]:
-        """Milliseconds of GI by every way to find the nearest primitive; those of the first are known."""
+        """Milliseconds of GI by every way to find the nearest primitive; those of the first are known. What
+        sees the mesh, or nothing, has one way alone."""
         first, *others = self.settings.cullings
         found = {first: first_ms}
+        if variant.method == "none" or sees_mesh(variant.method):
+            return found
         for culling in others:
             timer = self._renderer(size, primitives, variant, culling)
             found[culling] = self._costs(*self._times(timer, update))["gi_ms"]

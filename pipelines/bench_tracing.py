@@ -35,7 +35,7 @@ STEPS_AT_MOST = 30
 """Of a typical ray; longer ones are too few to tell in a mean."""
 
 SAME_PLACE = 3.0
-"""Hit distances within which two ways to trace find the same hit."""
+"""Hit distances within which two hits are the same. They may name either of two walls where these meet."""
 
 
 @dataclass(frozen=True)
@@ -171,9 +171,7 @@ class _Trial:
         }
         if truth is not None:
             near = SAME_PLACE * world.settings.hit_distance_share * world.diagonal
-            same = (hits.primitive == truth.primitive) & (
-                (hits.primitive < 0) | (np.abs(hits.t - truth.t) < near)
-            )
+            same = ((hits.primitive < 0) == (truth.primitive < 0)) & (np.abs(hits.t - truth.t) < near)
             row["other_hits"] = int(np.count_nonzero(~same & (truth.steps < MOST_STEPS)))
         return row
 

@@ -59,6 +59,7 @@ def benched(gpu: Any, wall: Path, tmp_path_factory: pytest.TempPathFactory) -> t
         size=(32, 20),
         frames=6,
         timed_frames=2,
+        cullings=("grid", "clusters"),
     )
     return bench_gi.run(settings, lambda text, share: None), settings.output
 
@@ -78,6 +79,9 @@ def test_every_run_has_its_times_and_its_errors(benched: tuple[dict[str, Any], P
         totals = [run["views"][view]["total"]["irradiance"]["ratio"] for view in ("view 1", "view 2")]
         assert run["total"] == pytest.approx(np.mean(totals))
         assert totals[0] != totals[1]
+        assert run["cullings_ms"]["grid"] == run["gi_ms"]
+        assert ("clusters" in run["cullings_ms"]) == (run["method"] == "sdfddgi")
+        assert all(milliseconds > 0 for milliseconds in run["cullings_ms"].values())
     _, both, mesh, dark = scene["runs"]
     fits = [row["views"]["view 2"]["fit"]["irradiance"]["ratio"] for row in scene["sets"]]
     assert fits == [run["views"]["view 2"]["fit"]["irradiance"]["ratio"] for run in scene["runs"][:2]]
@@ -122,7 +126,8 @@ def test_the_tables_hold_every_run(benched: tuple[dict[str, Any], Path]) -> None
     report, folder = benched
     text = (folder / "report.md").read_text(encoding="utf-8")
     rows = [line.split(" | ") for line in text.splitlines() if line.startswith("| sdfddgi, 2 primitives")]
-    assert len(rows) == 1
+    assert len(rows) == 2, "errors and times, and times by culling"
+    assert len(rows[1]) == 3
     (run,) = (
         run for run in report["scenes"][0]["runs"] if run["set"] == "both" and run["method"] == "sdfddgi"
     )
