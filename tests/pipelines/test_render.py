@@ -99,6 +99,23 @@ def test_no_reference_has_reflections(sdfprim: Callable[..., Any], wall: Path, t
     assert "takes every surface for diffuse" in ran.err
 
 
+@pytest.mark.parametrize(("contact", "walk"), [("on", "walk_horizons"), ("paper", "walk_as_printed")])
+def test_contact_light_is_asked_for(
+    render: Callable[..., Any], tmp_path: Path, contact: str, walk: str
+) -> None:
+    ran = render(
+        "-o", tmp_path / "a.png", "--gi", "none", "--contact", contact, "--view", "contact/ao", "--json"
+    )
+    assert ran.code == 0, ran.err
+    assert f"contact/{walk}" in ran.report["passes_ms"]
+
+
+def test_no_reference_has_contact_light(sdfprim: Callable[..., Any], wall: Path, tmp_path: Path) -> None:
+    ran = sdfprim("render", wall, "-o", tmp_path / "a.png", "--gi", "reference-gpu", "--contact", "on")
+    assert ran.code == 2
+    assert "traces what is near" in ran.err
+
+
 def test_views_without_light_take_one_frame(render: Callable[..., Any], tmp_path: Path) -> None:
     ran = render("-o", tmp_path / "a.png", "--view", "side-by-side", "--json")
     assert ran.code == 0, ran.err

@@ -110,7 +110,7 @@ def test_furnace(gpu, builder, scale):
     scene = corner(builder, (0.3, 0.3, 0.3), (0.7, 0.7, 0.7))
     drawn = renderer(gpu, scene, ContactSettings(radius=1.0, longest=1.0, scale=scale))
     for camera in (FROM_ABOVE, INTO_THE_CORNER):
-        images = drawn.render(camera, frames=20, only=VIEWS).images
+        images = drawn.render(camera, frames=10, only=VIEWS).images
         assert np.percentile(images["contact/ao"], 2) < 0.7
         irradiance = images["irradiance"][surface_of(images)]
         np.testing.assert_allclose(irradiance, np.pi, rtol=0.005)
@@ -120,14 +120,14 @@ def test_as_printed_a_furnace_is_not_one(gpu, builder):
     """Which is why the printed form is not the default."""
     contact = ContactSettings(ContactForm.PRINTED, radius=1.0, longest=1.0, scale=1)
     scene = corner(builder, (1.0, 1.0, 1.0))
-    images = renderer(gpu, scene, contact).render(FROM_ABOVE, frames=20, only=VIEWS).images
+    images = renderer(gpu, scene, contact).render(FROM_ABOVE, frames=6, only=VIEWS).images
     shares = images["irradiance"][surface_of(images)] / np.pi
     assert np.percentile(shares, 5) < 0.97
     assert np.isfinite(shares).all()
 
 
-def test_closed_box_keeps_its_light(gpu, builder):
-    albedo = 0.8
+@pytest.mark.parametrize(("albedo", "settle"), [(0.5, 32), pytest.param(0.9, 240, marks=pytest.mark.slow)])
+def test_closed_box_keeps_its_light(gpu, builder, albedo, settle):
     walls = []
     for axis in range(3):
         for side in (-1, 1):
@@ -141,7 +141,7 @@ def test_closed_box_keeps_its_light(gpu, builder):
     light = Illumination()
     with_contact, without = (
         renderer(gpu, scene, contact, primitives, light)
-        .render(camera, frames=24, settle=150, only=("irradiance",))
+        .render(camera, frames=12, settle=settle, only=("irradiance",))
         .images["irradiance"]
         .mean()
         for contact in (ContactSettings(radius=1.0, longest=1.0), None)
@@ -189,7 +189,7 @@ def test_sources_send_what_the_picture_shows(gpu, builder):
     scene = corner(builder, emission=(0.0, 0.1, 0.0))
     contact = ContactSettings(radius=0.5, scale=1)
     images = renderer(gpu, scene, contact, SHELL, light).render(
-        FROM_ABOVE, frames=20, settle=20, only=("final", "depth", "contact/sources")
+        FROM_ABOVE, frames=16, settle=4, only=("final", "depth", "contact/sources")
     ).images  # fmt: skip
     surface = surface_of(images)
     difference = np.abs(images["contact/sources"][surface] - images["final"][surface])
@@ -199,8 +199,8 @@ def test_sources_send_what_the_picture_shows(gpu, builder):
 def test_both_parts_make_the_irradiance(gpu, builder):
     """At full resolution: openness times that of the probes, plus what is near."""
     scene, contact = corner(builder), ContactSettings(radius=0.5, scale=1)
-    with_contact = renderer(gpu, scene, contact, SHELL).render(FROM_ABOVE, frames=8, settle=8, only=VIEWS)
-    without = renderer(gpu, scene, None, SHELL).render(FROM_ABOVE, frames=8, settle=8, only=("irradiance",))
+    with_contact = renderer(gpu, scene, contact, SHELL).render(FROM_ABOVE, frames=4, settle=4, only=VIEWS)
+    without = renderer(gpu, scene, None, SHELL).render(FROM_ABOVE, frames=4, settle=4, only=("irradiance",))
     images = with_contact.images
     expected = np.clip(images["contact/ao"], 0, 1) * without.images["irradiance"] + images["contact/near"]
     surface = surface_of(images)
@@ -233,15 +233,15 @@ def test_what_the_set_leaves_out_is_lit_and_shades(gpu, builder):
     scene = corner(builder)
     contact = ContactSettings(radius=0.5, longest=1.0, scale=2)
     images = renderer(gpu, scene, contact, SHELL, light).render(
-        FROM_ABOVE, frames=20, settle=40, only=VIEWS
+        FROM_ABOVE, frames=16, settle=24, only=VIEWS
     ).images  # fmt: skip
     without = renderer(gpu, scene, None, SHELL, light).render(
-        FROM_ABOVE, frames=1, settle=60, only=("irradiance",)
+        FROM_ABOVE, frames=1, settle=39, only=("irradiance",)
     ).images["irradiance"]  # fmt: skip
     openness = np.kron(np.clip(images["contact/ao"], 0, 1), np.ones((2, 2, 1)))
     near = surface_of(images) & (openness[..., 0] < 0.9)
     normal = images["normal"][near] / np.linalg.norm(images["normal"][near], axis=1, keepdims=True)
-    truth = PathTracer(gpu, scene, light).irradiance(images["position"][near], normal, samples=128)
+    truth = PathTracer(gpu, scene, light).irradiance(images["position"][near], normal, samples=64)
 
     def error(irradiance):
         a, b, seen = truth.first, truth.second, irradiance[near]
@@ -255,6 +255,7 @@ def test_what_the_set_leaves_out_is_lit_and_shades(gpu, builder):
 # -------------------------------------------------------------------------------- over time
 
 
+@pytest.mark.slow
 def test_still(gpu, builder):
     """At rest, the 95th percentile of the irradiance's standard deviation is at most half a per cent."""
     light = Illumination((Sun((0.6, 1.0, 0.5), 6.0),), WHITE)
@@ -268,6 +269,7 @@ def test_still(gpu, builder):
     assert np.percentile(wobble, 95) <= 0.005
 
 
+@pytest.mark.slow
 def test_nothing_trails_behind_what_moves(gpu, builder):
     """40 frames after an object and the camera moved, the picture is that of a scene that always was so."""
     scene, contact = corner(builder), ContactSettings(radius=0.5, scale=1)
@@ -281,7 +283,9 @@ def test_nothing_trails_behind_what_moves(gpu, builder):
             drawn.move_instances({block: place})
             drawn.set_camera(look_at(np.array([2.2 + 0.2 * share, 1.8, 2.6 - 0.2 * share]), target, 45))
             drawn.draw_frame()
-        frames = [drawn.render(frames=1, only=("irradiance", "depth")).images for _ in range(52)][-12:]
+        for _ in range(40):
+            drawn.draw_frame()
+        frames = [drawn.render(frames=1, only=("irradiance", "depth")).images for _ in range(12)]
         return np.mean([frame["irradiance"] for frame in frames], axis=0), surface_of(frames[-1])
 
     after, surface = draw([0.0] * 12 + list(np.linspace(0, 1, 8)))
