@@ -8,7 +8,7 @@ import package::lib::octahedral::{oct_texel_direction};
 import package::lib::quaternion::{quat_rotate};
 import package::lib::random::{PI, random_rotation, random_sequence, random_uniform, spherical_fibonacci};
 import package::lib::sky::{sky_radiance_within};
-import package::probes::emitters::{emission_is_drawn, probe_emission};
+import package::probes::emitters::{LUMINANCE, emission_is_drawn, probe_emission};
 import package::probes::grid::{probe_count};
 import package::probes::maps::{IRRADIANCE_SIZE};
 import package::probes::states::{probe_is_placed};
@@ -23,8 +23,6 @@ import package::tracer::sights::{sight_along};
 @group(0) @binding(4) var<storage, read> totals: ChoiceCounts;
 
 const THREADS: u32 = IRRADIANCE_SIZE * IRRADIANCE_SIZE;
-
-const LUMINANCE: vec3f = vec3f(0.2126, 0.7152, 0.0722);
 
 // Irradiance below this is darkness: a moonless night has a thousand times more.
 const DARKNESS: f32 = 1e-9;
@@ -184,7 +182,7 @@ fn main(
     let fluence = dot(parts, vec4f(1.0)) / f32(rays);
     let spread_of_parts = parts / f32(rays) - fluence / 4.0;
     let noise = dot(spread_of_parts, spread_of_parts) * (4.0 / 3.0);
-    var next = advance(history, fluence + dot(LUMINANCE, drawn.radiance), noise);
+    var next = advance(history, fluence + dot(LUMINANCE, drawn.radiance), noise + drawn.noise);
     let measured = PI * (gathered / cosines.x + bounced / max(cosines.y, 1e-9)) + drawn.irradiance;
     let place = probe * THREADS + thread;
     let before = select(exact_irradiance[place].rgb, vec3f(0.0), history.frames == 0.0);
