@@ -74,10 +74,10 @@ def shares(gpu, bundled_assets, surface_points):
 
 
 OFF_BY = {
-    "sdfddgi": {"lit": 0.1, "sealed": 0.0, "court": 0.05, "walk": 0.2},
+    "sdfddgi": {"lit": 0.1, "sealed": 0.0, "court": 0.05, "walk": 0.25},
     "ddgi": {"lit": 0.4, "sealed": 0.001, "court": 0.08, "walk": 0.3},
 }
-"""How far means may be off; measured were 0.06, 0, 0.02 and 0.13, and of the other 0.32, 0, 0.04 and 0.23."""
+"""How far means may be off; measured were 0.06, 0, 0.01 and 0.17, and of the other 0.32, 0, 0.04 and 0.23."""
 
 
 @pytest.mark.slow
