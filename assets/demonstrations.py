@@ -1,4 +1,4 @@
-"""Bundled stages for demonstrations: balls that bounce in a court, and a room that two probes light."""
+"""Bundled stages for demonstrations: bouncing balls, a room that two probes light, a dark room in the sun."""
 
 from __future__ import annotations
 
@@ -70,7 +70,16 @@ def two_probe_room(stage: Stage) -> None:
     stage.glb.camera("inside", (1.85, 1.7, 1.35), (-0.4, 0.75, -0.9), 80)
 
 
+def dark_room(stage: Stage) -> None:
+    """A sealed room with walls of 1 cm in full sun, and a block in it: its inside must stay black."""
+    room(stage, "", (-1.5, 0, -1.5), (1.5, 3, 1.5), 0.01, {name: WALL for name in scenes.SLABS})
+    stage.box("block", BALLS[1], (-1.0, 0, -0.9), (-0.2, 0.9, -0.1), degrees=25)
+    stage.glb.sun("sun", (0.3, 1.0, 0.2), 10.0)
+    stage.glb.camera("inside", (1.3, 1.6, 1.3), (-0.7, 0.9, -0.7), 75)
+
+
 DEMONSTRATIONS: dict[str, Callable[[Stage], None]] = {
     "ball_court": ball_court,
+    "dark_room": dark_room,
     "two_probe_room": two_probe_room,
 }

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 import cyclopts
 from cyclopts import Parameter
@@ -30,10 +30,13 @@ from pipelines import (
 from pipelines.animate import TimeOptions, parse_span
 from pipelines.console import Terminal
 from pipelines.errors import UsageError
+from pipelines.figures import make
 from pipelines.machine import package_version
 from pipelines.methods import METHODS, Culling, Quality
 from pipelines.options import parse_budgets, parse_names, parse_probes, parse_size
 from pipelines.worker import describe_error
+
+T = TypeVar("T")
 
 OK, FAILED, BAD_USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -548,6 +551,9 @@ def bench_light(
     air: Annotated[list[str] | None, Numbers, Parameter(negative="")] = None,
     culling: str = "grid",
     seed: int = 0,
+    figures: Annotated[bool, Flag] = False,
+    figure: Annotated[list[int] | None, Parameter(negative="")] = None,
+    model: Path | None = None,
     json: Annotated[bool, Flag] = False,
 ) -> int:
     """Measure time and error of light over budgets, probes, rays and methods, and find the best settings.
@@ -613,12 +619,39 @@ def bench_light(
         judged, all are timed.
     seed
         Seed of all random choices.
+    figures
+        Make counterparts of the SDFDDGI paper's figures instead: OUTPUT/figures.html and its pictures, of
+        bundled scenes, or with FILES as its Sponza and --set as the set of it.
+    figure
+        With --figures: the number of one to make. May be given several times; all by default.
+    model
+        With --figures: the body of Figure 14, the paper's dragon.
     json
         Print the report as JSON.
     """
     from pipelines.gi_errors.truth import TruthSettings
 
     terminal = Terminal(json)
+    if figures:
+        wanted = make.FiguresSettings(
+            output,
+            _at_most_one("FILES", files),
+            _at_most_one("--set", set_ or ()),
+            model,
+            tuple(figure or ()),
+            _at_most_one("--camera", camera or ()),
+            render.LightingOptions(sun, sky, lights == "file"),
+            exposure,
+            parse_size(size),
+            frames,
+            samples,
+        )
+        with terminal.progress() as update:
+            report = make.run(wanted, update)
+        terminal.result(report, lambda: make.show(report, wanted, terminal))
+        return OK
+    if figure or model:
+        raise UsageError("--figure and --model belong to --figures")
     settings = bench_gi.GiBenchSettings(
         files,
         output,
@@ -708,6 +741,12 @@ def bench_contact_light(
         report = bench_contact.run(settings, update)
     terminal.result(report, lambda: bench_contact.show(report, settings, terminal))
     return OK
+
+
+def _at_most_one(option: str, given: Sequence[T]) -> T | None:
+    if len(given) > 1:
+        raise UsageError(f"{option}: --figures takes one at most")
+    return given[0] if given else None
 
 
 @bench.command(name="tracing")

@@ -253,12 +253,13 @@ class Sdfddgi:
         return {f"{self.name}/probe-atlas": self.probes.atlas}
 
     def drawings(self) -> Mapping[str, Drawing]:
-        """The probes as balls, which tell what `SHOWN_BY_PROBES` names."""
+        """The probes as balls, which tell what `SHOWN_BY_PROBES` names, and what surfaces see of them."""
         bindings = {**self.probes.lookup_bindings(), "probe_histories": self._histories}
-        return {
+        balls = {
             f"{self.name}/probe-{what}": Drawing("sdfddgi/show_probes", {"SHOWN": code}, bindings)
             for code, what in enumerate(SHOWN_BY_PROBES)
         }
+        return {**balls, f"{self.name}/visibility": Drawing("sdfddgi/show_visibility")}
 
     def statistics(self) -> ProbeStatistics:
         """Of the probes as they are now; waits for the GPU."""

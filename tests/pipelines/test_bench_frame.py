@@ -65,7 +65,8 @@ def test_every_kernel_of_a_frame_belongs_to_a_stage() -> None:
 def test_the_preset_is_the_papers_configuration() -> None:
     assert (BALANCED.size, BALANCED.gi) == ((1920, 1080), "sdfddgi")
     assert (BALANCED.technique.max_probes, BALANCED.technique.rays_per_probe) == (22 * 14 * 32, 64)
-    assert BALANCED.technique.bounce == 1.0
+    assert BALANCED.technique.bounce == 1.0 and BALANCED.contact is not None
+    assert BALANCED.technique.probes_per_frame == 22 * 14 * 32 // BALANCED.technique.longest_wait_seen
 
 
 def test_two_sets_are_timed_and_told_beside_the_papers_rows(

@@ -22,7 +22,7 @@ from pipelines.views import named_views
 STAGES = (
     "closed_box", "cornell", "courtyard", "curtains", "emissive_room", "furnace", "tunnel", "two_rooms",
 )  # fmt: skip
-DEMONSTRATIONS = ("ball_court", "two_probe_room")
+DEMONSTRATIONS = ("ball_court", "dark_room", "two_probe_room")
 NAMES = (
     "atrium",
     "colonnade",
