@@ -123,6 +123,22 @@ def test_views_without_light_take_one_frame(render: Callable[..., Any], tmp_path
     assert np.asarray(Image.open(tmp_path / "a.png")).shape == (40, 3 * 64, 3)
 
 
+def test_every_culling_gives_the_same_picture(render: Callable[..., Any], tmp_path: Path) -> None:
+    """And asks for it: by lists, the floor's far end asks fewer primitives than there are."""
+    pictures, counts = [], []
+    for culling in ("grid", "clusters", "none"):
+        for view, found in (("primitives", pictures), ("candidate-counts", counts)):
+            path = tmp_path / f"{culling}-{view}.exr"
+            assert render("-o", path, "--view", view, "--culling", culling).code == 0
+            found.append(read_layers(path)[0])
+    for other in pictures[1:]:
+        assert np.mean(np.abs(other - pictures[0]).max(axis=-1) > 1e-3) < 0.01
+    seen = counts[2][..., 0] > 0
+    assert set(np.unique(counts[2][seen])) == {2.0}, "without culling both are asked"
+    assert counts[0][seen].min() == 1
+    assert render("-o", tmp_path / "x.png", "--culling", "octree").code == 2
+
+
 def test_words_for_people(render: Callable[..., Any], tmp_path: Path) -> None:
     ran = render("-o", tmp_path / "a.png", "--gi", "none", "--sun", "-1,2,0,5")
     assert "sun from" in ran.out
