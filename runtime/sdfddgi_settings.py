@@ -95,3 +95,8 @@ class SdfddgiSettings:
             self.behind,
             self.seed,
         )
+
+
+BALANCED = SdfddgiSettings(probes_per_frame=1240, bounce_share=0.25)
+"""The paper's number of probes, an eighth of them in a frame: 1,232 at least, since of probes whose turn is
+equally near the choice may leave out some."""

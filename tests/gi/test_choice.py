@@ -10,6 +10,7 @@ from fit.primitives import PrimitiveSet, make_box
 from runtime.camera import frustum_planes, look_at
 from runtime.probes import ProbeGrid
 from runtime.sdfddgi import ProbeHistory, SdfddgiSettings
+from runtime.sdfddgi_settings import BALANCED
 
 GRID = ProbeGrid((-2.5, -2.5, -2.5), 1.0, (6, 6, 6))
 EIGHTH = {"grid": GRID, "probes_per_frame": 27, "fresh_factor": 1, "bounce": 0.0}
@@ -166,6 +167,12 @@ def test_probes_without_light_come_first(make_stage):
     assert set(updates[came].tolist()) == {1}
     assert set(stage.technique.choice.read()) >= set(np.flatnonzero(came).tolist())
     assert updates[is_on & ~came].sum() > 200
+
+
+def test_the_balanced_settings_update_an_eighth_of_the_papers_probes():
+    assert BALANCED.max_probes == np.prod(BALANCED.volume) == 9856
+    assert BALANCED.max_probes / 8 <= BALANCED.probes_per_frame < 1.01 * BALANCED.max_probes / 8
+    assert BALANCED.rays_per_probe == 64
 
 
 @pytest.mark.parametrize(
