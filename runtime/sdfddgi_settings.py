@@ -31,8 +31,8 @@ class SdfddgiSettings:
     bounce_share: share of the rays that look for it, 1, 1/2 or 1/4.
     max_ray_distance: rays end there and take the sky.
     history_frames: a still probe is the mean of about so many updates.
-    settling_frames, settling_history, settling_growth: for so many frames after a change it is the mean of so
-    few updates, or of this share of those since; where its light clearly changed, it begins anew.
+    settling_frames, settling_history, settling_growth: for so many frames after a change it is the mean of
+    the updates in so few frames, or in this share of the frames since.
     clearance: probes keep this share of the spacing, at most `clearance_limit` metres, from all primitives
     where they can; `smallest_clearance`, metres (None: twice the world's start margin), everywhere.
     relocation: how far, in spacings, a probe may climb away from a primitive.

@@ -26,12 +26,9 @@ var<workgroup> draw_radiance: array<vec3f, DRAWS>;
 struct ProbeEmission {
     // W/m2 at a texel's direction.
     irradiance: vec3f,
-    // Mean over the sphere, W/m2/sr, and about the squared error of its luminance.
+    // Mean over the sphere, W/m2/sr.
     radiance: vec3f,
-    noise: f32,
 }
-
-const LUMINANCE: vec3f = vec3f(0.2126, 0.7152, 0.0722);
 
 // Whether what a ray or a draw sees of an emitter counts by draws. The angle to it has no say: a wall on which the probe
 // nearly stands is best found by rays.
@@ -41,7 +38,7 @@ fn emission_is_drawn(seen: Sight) -> bool {
 
 // turn: three uniform numbers, other ones for each probe and frame. Every thread of the workgroup must call.
 fn probe_emission(position: vec3f, normal: vec3f, thread: u32, farthest: f32, turn: vec3f) -> ProbeEmission {
-    var found = ProbeEmission(vec3f(0.0), vec3f(0.0), 0.0);
+    var found = ProbeEmission(vec3f(0.0), vec3f(0.0));
     if emitter_count() == 0u {
         return found;
     }
@@ -51,16 +48,11 @@ fn probe_emission(position: vec3f, normal: vec3f, thread: u32, farthest: f32, tu
     draw_direction[thread] = light.direction;
     draw_radiance[thread] = select(vec3f(0.0), light.seen.emission / light.density, is_drawn);
     workgroupBarrier();
-    var squares = 0.0;
     for (var i = 0u; i < DRAWS; i++) {
         found.irradiance += max(dot(normal, draw_direction[i]), 0.0) * draw_radiance[i];
         found.radiance += draw_radiance[i];
-        let luminance = dot(LUMINANCE, draw_radiance[i]) / (4.0 * PI);
-        squares += luminance * luminance;
     }
     found.irradiance /= f32(DRAWS);
     found.radiance /= 4.0 * PI * f32(DRAWS);
-    let mean = dot(LUMINANCE, found.radiance);
-    found.noise = max(squares / f32(DRAWS) - mean * mean, 0.0) / f32(DRAWS);
     return found;
 }

@@ -8,7 +8,7 @@ import package::lib::octahedral::{oct_texel_direction};
 import package::lib::quaternion::{quat_rotate};
 import package::lib::random::{PI, random_rotation, random_sequence, random_uniform, spherical_fibonacci};
 import package::lib::sky::{sky_radiance_within};
-import package::probes::emitters::{LUMINANCE, emission_is_drawn, probe_emission};
+import package::probes::emitters::{emission_is_drawn, probe_emission};
 import package::probes::grid::{probe_count};
 import package::probes::maps::{IRRADIANCE_SIZE};
 import package::probes::states::{probe_is_placed};
@@ -23,6 +23,8 @@ import package::tracer::sights::{sight_along};
 @group(0) @binding(4) var<storage, read> totals: ChoiceCounts;
 
 const THREADS: u32 = IRRADIANCE_SIZE * IRRADIANCE_SIZE;
+
+const LUMINANCE: vec3f = vec3f(0.2126, 0.7152, 0.0722);
 
 // Irradiance below this is darkness: a moonless night has a thousand times more.
 const DARKNESS: f32 = 1e-9;
@@ -41,11 +43,6 @@ const DRIFT_CATCH_UP: f32 = 0.5;
 // A light that has gone out to this share of the brightest in about so many updates is not worth a mean any more.
 const FADED: f32 = 1e-3;
 const PEAK_BLEND: f32 = 1.0 / 256.0;
-
-// Squared ratio of a change to its noise above which it counts as one, and surely does; and a factor that noise has not.
-const CHANGE_LEAST: f32 = 4.0;
-const CHANGE_SURE: f32 = 9.0;
-const OTHER_LIGHT: f32 = 4.0;
 
 // Turn of the lattice that the rays for bounces come near to: of sixteen tried, that with the evenest sixteen rays.
 const SUBSET_TURN: f32 = 0.5625;
@@ -87,19 +84,10 @@ fn incoming_light(origin: vec3f, direction: vec3f, reach: f32, solid_angle: f32,
     return light;
 }
 
-// How sure it is that a probe's light is another one than before, when the world or a light is known to have changed:
-// beyond what the noise of this update explains, or by a factor that leaves no doubt.
-fn certainty_of_change(before: f32, after: f32, noise: f32) -> f32 {
-    let change = after - before;
-    let is_other = max(before, after) > OTHER_LIGHT * min(before, after);
-    return select(smoothstep(CHANGE_LEAST, CHANGE_SURE, change * change / max(noise, 1e-30)), 1.0, is_other);
-}
-
-// The history after an update that measured the mean radiance `fluence` over all directions, with a squared error of
-// about `noise`. Its share in the blend is 1 / frames: a running mean over more and more updates, cut short when the light
-// drifts away from it. Soon after a change of the world or its light it is one of few updates, or, where the change
-// shows, of this one alone.
-fn advance(history: ProbeHistory, fluence: f32, noise: f32) -> ProbeHistory {
+// The history after an update that measured `fluence`. Its share in the blend is 1 / frames: a running mean over more and
+// more updates, cut short when the light drifts away from it. Soon after a change of the world or its light it is one of
+// few, counted in frames: a probe that is updated every eighth frame has no time for a mean of four.
+fn advance(history: ProbeHistory, fluence: f32) -> ProbeHistory {
     var next = history;
     let waited = max(history.waited, 1.0);
     let since = f32(settings.since_change);
@@ -120,8 +108,8 @@ fn advance(history: ProbeHistory, fluence: f32, noise: f32) -> ProbeHistory {
     let catch_up = DRIFT_CATCH_UP * smoothstep(DRIFT_LEAST, DRIFT_SURE, certainty);
     next.frames = min(min(history.frames + 1.0, settings.history_frames), 1.0 / max(catch_up, 1e-6));
     if is_settling {
-        let few = max(settings.settling_history, settings.settling_growth * since / waited);
-        next.frames = mix(min(next.frames, few), 1.0, certainty_of_change(history.fluence, fluence, noise));
+        let few = max(settings.settling_history, settings.settling_growth * since) / waited;
+        next.frames = min(next.frames, max(few, 1.0));
     }
     next.peak = max(history.peak * (1.0 - PEAK_BLEND), history.fluence);
     if history.fluence < FADED * next.peak {
@@ -157,8 +145,7 @@ fn main(
     var gathered = vec3f(0.0);
     var bounced = vec3f(0.0);
     var cosines = vec2f(0.0);
-    // Of four parts of the rays: how far they differ tells the noise of all.
-    var parts = vec4f(0.0);
+    var total = vec3f(0.0);
     for (var batch = 0u; batch < batches; batch++) {
         let ray = ray_of_thread(thread, bouncing, batches, batch);
         let direction = quat_rotate(rotation, spherical_fibonacci(ray, rays));
@@ -173,16 +160,13 @@ fn main(
             gathered += cosine * ray_radiance[i];
             bounced += cosine * ray_bounced[i];
             cosines += cosine * vec2f(1.0, select(0.0, 1.0, i < bouncing));
-            parts[i & 3u] += dot(LUMINANCE, ray_radiance[i] + ray_bounced[i] * f32(settings.bounce_stride));
+            total += ray_radiance[i] + ray_bounced[i] * f32(settings.bounce_stride);
         }
         workgroupBarrier();
     }
     let turn = random_uniform(random_sequence(vec3u(probe, DRAW_KEY, settings.seed), number));
     let drawn = probe_emission(position.xyz, normal, thread, reach, turn);
-    let fluence = dot(parts, vec4f(1.0)) / f32(rays);
-    let spread_of_parts = parts / f32(rays) - fluence / 4.0;
-    let noise = dot(spread_of_parts, spread_of_parts) * (4.0 / 3.0);
-    var next = advance(history, fluence + dot(LUMINANCE, drawn.radiance), noise + drawn.noise);
+    var next = advance(history, dot(LUMINANCE, total / f32(rays) + drawn.radiance));
     let measured = PI * (gathered / cosines.x + bounced / max(cosines.y, 1e-9)) + drawn.irradiance;
     let place = probe * THREADS + thread;
     let before = select(exact_irradiance[place].rgb, vec3f(0.0), history.frames == 0.0);
