@@ -210,6 +210,7 @@ def render_scene(
     samples: int = render.DEFAULT_SAMPLES,
     noise: float | None = None,
     glossy: Annotated[bool, Flag] = False,
+    shading: Literal["shared", "full"] = "full",
     time: Annotated[float | None, Numbers] = None,
     animate: Annotated[str | None, Numbers] = None,
     frames_per_second: float = 24.0,
@@ -265,6 +266,9 @@ def render_scene(
         Of a reference: end once the mean absolute noise is this share of the mean, such as 0.02.
     glossy
         Smooth surfaces and metals reflect; without it every surface is diffuse, as in comparisons.
+    shading
+        How pixels get indirect light: shared asks the probes at one of sixteen in each frame and carries its
+        light to the others, full asks at every pixel.
     time
         Seconds of the scene's animation to show; without it the scene is at rest.
     animate
@@ -290,7 +294,7 @@ def render_scene(
         raise UsageError(f"--gi {gi}: --quality {quality} chooses the technique; leave one of them out")
     settings = render.PictureSettings(
         scene, output, set_, gi or "sdfddgi", camera, lighting, exposure, scale, aov, parse_size(size),
-        frames, view, samples, noise, glossy, contact, quality, presets,
+        frames, view, samples, noise, glossy, contact, render.ShadingMode(shading), quality, presets,
         TimeOptions(time, parse_span(animate), frames_per_second, animation), culling,
     )  # fmt: skip
     with terminal.progress() as update:

@@ -19,6 +19,7 @@ from pipelines.errors import UsageError
 from pipelines.gi_presets import GiPreset, find_preset
 from pipelines.methods import Culling
 from pipelines.studio import AS_IN_THE_FILE, DEFAULT_FRAMES, Contact, LightingOptions, Studio
+from runtime.settings import ShadingMode
 from runtime.views import AOV_LAYERS, UNLIT, VIEWS
 
 if TYPE_CHECKING:
@@ -47,7 +48,8 @@ class PictureSettings:
 
     samples, noise: of a reference, paths a pixel, and the mean absolute noise, a share of the mean, at which
     to end before. glossy: smooth surfaces and metals reflect. contact: light from what is near on the
-    screen. quality: name of a preset, which then stands for `gi`; presets: the file that it is in, instead
+    screen. shading: how indirect light comes to the pixels. quality: name of a preset, which then stands
+    for `gi`; presets: the file that it is in, instead
     of the program's own. when: the time of the scene's animation, or the row of times for which `output`
     numbers a picture each.
     """
@@ -68,6 +70,7 @@ class PictureSettings:
     noise: float | None = None
     glossy: bool = False
     contact: Contact = "off"
+    shading: ShadingMode = ShadingMode.FULL
     quality: str | None = None
     presets: Path | None = None
     when: TimeOptions = AT_REST
@@ -122,6 +125,7 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
         "glossy": settings.glossy,
         "contact": settings.contact,
         "culling": settings.culling,
+        "shading": settings.shading,
     }
     if preset is not None:
         options |= preset.technique_options(software=studio.gpu.is_software)
@@ -141,6 +145,7 @@ def run(settings: PictureSettings, progress: Update) -> dict[str, Any]:
         report_header("render", settings, seed=0)
         | studio.describe()
         | {"set": source, "gi": settings.gi, "view": settings.view, "frames": settings.frames}
+        | {"shading": settings.shading.value}
         | {"notes": list(result.notes), "picture": settings.output, "seconds": round(seconds, 3)}
         | {"timed_frames": result.frames, "passes_ms": dict(result.timings), "times_s": list(times)}
     )

@@ -12,6 +12,7 @@ from pipelines.errors import UsageError
 from pipelines.methods import SOFTWARE_PROBES, find_method, technique_settings
 from pipelines.options import ProbesOption, looks_like_numbers, parse_color, parse_sun
 from pipelines.views import View, choose_view
+from runtime.settings import ShadingMode
 
 if TYPE_CHECKING:
     from fit.primitives import PrimitiveSet
@@ -156,14 +157,16 @@ class Studio:
         probes: ProbesOption | None = None,
         glossy: bool = False,
         contact: Contact = "off",
+        shading: ShadingMode = ShadingMode.FULL,
         **options: Any,
     ) -> Renderer:
         """A renderer for one method, for those who change something between frames; arguments as for
-        `render`."""
+        `render`. shading: how indirect light comes to the pixels."""
         from runtime.renderer import Renderer
 
         settings = self.settings(technique, primitives, probes, **options)
         settings = replace(settings, glossy=glossy, contact=contact_settings(contact))
+        settings = replace(settings, shading=replace(settings.shading, mode=shading))
         return Renderer(self.gpu, self.scene, primitives, settings, self.illumination)
 
     def settings(

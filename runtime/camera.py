@@ -31,6 +31,9 @@ class Frame(GpuStruct):
     size: vec2u
     orthographic: u32
     near: f32
+    previous_local_from_view: mat4x4f
+    previous_extent: vec2f
+    previous_depth_map: vec2f
 
 
 @dataclass(frozen=True)
@@ -148,6 +151,7 @@ def frame_record(
 ) -> np.ndarray:
     """The `Frame` that the shaders read; `previous` is the camera of the frame before."""
     view, lens = local_from_view(camera, origin), projection(camera, size)
+    previous_lens = projection(previous, size)
     return Frame.pack(
         clip_from_local=clip_from_local(camera, size, origin),
         previous_clip_from_local=clip_from_local(previous, size, origin),
@@ -159,6 +163,9 @@ def frame_record(
         size=np.array(size, np.uint32),
         orthographic=int(lens.orthographic),
         near=lens.near,
+        previous_local_from_view=local_from_view(previous, origin),
+        previous_extent=previous_lens.extent,
+        previous_depth_map=previous_lens.depth_map,
     )
 
 

@@ -77,6 +77,7 @@ class Ddgi:
     """The technique "ddgi"."""
 
     name = "ddgi"
+    shares_tests = False
 
     def __init__(self, gpu: Gpu, world: World, settings: DdgiSettings | None = None) -> None:
         self.gpu, self.world = gpu, world

@@ -15,6 +15,7 @@ from runtime.emitters import Emitter
 from runtime.lights import Light, Lighting
 from runtime.meshes import Instance, SurfaceMaterial
 from runtime.path_tracer import OcclusionSettings, PathSettings
+from runtime.pixel_shading import ShadingCounts, ShadingInfo
 from runtime.probe_choice import ChoiceCounts, ChoiceSettings, ChoiceTotals
 from runtime.probes import ProbeGridInfo, ProbeRecord
 from runtime.sdfddgi import PlaceSettings, ProbeHistory, UpdateSettings
@@ -33,6 +34,8 @@ STRUCTS: tuple[type[GpuStruct], ...] = (
     Lighting,
     Instance,
     SurfaceMaterial,
+    ShadingInfo,
+    ShadingCounts,
     Display,
     WorldInfo,
     ListUse,

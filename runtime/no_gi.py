@@ -17,6 +17,7 @@ class NoGi:
     """Nothing to own and nothing to do; its lookup returns 0."""
 
     name = "none"
+    shares_tests = False
     memory = 0
     volume = None
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from fit.primitives import PrimitiveSet
 from fit.scene import Camera, Float64, Scene
-from runtime import views
+from runtime import pixel_shading, views
 from runtime.camera import Frame, clip_from_local, frame_record, overview
 from runtime.contact import Contact
 from runtime.device import Gpu
@@ -96,13 +96,11 @@ class Renderer:
         self._frame = Buffer(gpu, Frame.dtype.itemsize, "uniform", label="frame")
         self._draw_gbuffer = GBufferPass(gpu)
         self._direct = DirectLight(gpu, size)
-        self._probes = Texture(gpu, size, "rgba32float", "sample|storage", label="probe_irradiance")
+        self.shading = pixel_shading.create(gpu, size, self.settings.shading, self.technique, self.world)
         self._radiance = Texture(gpu, size, "rgba32float", "sample|storage", label="radiance")
-        self._gather = Kernel(gpu, "composite/gather_irradiance", aliases={"technique": self.technique.name})
         self._combine = Kernel(gpu, "composite/combine_light")
         wanted = self.settings.contact
         self._contact = Contact(gpu, size, wanted, scene) if wanted else None
-        self._indirect = self._contact.irradiance if self._contact else self._probes
         self._glossy = Glossy(gpu, size, self.technique) if self.settings.glossy else None
         self._tone_map = ToneMap(gpu, size, self.settings.exposure, self.settings.tone_curve)
         self._views = Views(gpu, size)
@@ -218,7 +216,7 @@ class Renderer:
             self.gbuffer.begin_frame()
             self._draw_gbuffer.record(rec, self.meshes, self.gbuffer, self._frame_bindings())
             self._direct.record(rec, self.gbuffer, self.world.bindings(), self._frame_bindings())
-            self._record_probes(rec)
+            self.shading.record(rec, self._shared())
             self._record_contact(rec)
             self._record_radiance(rec)
             self._tone_map.record(rec, self._radiance)
@@ -228,14 +226,16 @@ class Renderer:
             self._previous_camera = camera
             self.meshes.end_frame()
 
-    def _record_probes(self, rec: Recorder) -> None:
-        """Indirect irradiance at every pixel, from the technique."""
-        self._dispatch(rec, self._gather, pixel_irradiance=self._probes)
+    @property
+    def _indirect(self) -> Texture:
+        """Indirect irradiance of the last frame, with the light of what is near if that is wanted."""
+        return self._contact.irradiance if self._contact else self.shading.irradiance
 
     def _record_contact(self, rec: Recorder) -> None:
-        """The same with the light of what is near on the screen, if that is wanted."""
+        """What is near on the screen, if that is wanted."""
         if self._contact is not None:
-            self._contact.record(rec, self._shared(), self._direct.irradiance, self._probes, self._index)
+            probes = self.shading.irradiance
+            self._contact.record(rec, self._shared(), self._direct.irradiance, probes, self._index)
 
     def _record_radiance(self, rec: Recorder) -> None:
         """Surfaces under both irradiances, with their reflections if these are wanted, or the sky."""
@@ -279,7 +279,7 @@ class Renderer:
         progress: Callable[[int, int], None] | None = None,
     ) -> Result:
         """Draws `settle` frames that only bring the light up to date, then `frames` whole ones, and reads
-        `only`.
+        `only`. The last of the former are whole too, as many as the form of shading needs.
 
         camera: None keeps the last one, or takes an overview. only: names of `all_views`. progress: called
         after each frame with how many are done and how many there are.
@@ -296,8 +296,9 @@ class Renderer:
             self.set_camera(camera)
         self._timer.results()
         history: list[Mapping[str, float | None]] = []
+        first_whole = min(settle, settle + frames - self.shading.frames_to_settle)
         for number in range(settle + frames):
-            self.draw_frame(only_light=number < settle)
+            self.draw_frame(only_light=number < first_whole)
             history.append(self._timer.results())
             if progress:
                 progress(number + 1, settle + frames)
@@ -311,7 +312,7 @@ class Renderer:
 
     def all_views(self) -> tuple[str, ...]:
         """Names that `read_view` takes: the frame's layers, the primitives', the technique's."""
-        return (*views.VIEWS, *self._own_views(), *self.technique.drawings())
+        return (*views.VIEWS, *self._own_views(), *self.shading.views(), *self.technique.drawings())
 
     def _own_views(self) -> Mapping[str, Readable]:
         stages = (self.technique, self._contact, self._glossy)
@@ -329,6 +330,8 @@ class Renderer:
             return np.hstack([self.read_view(panel) for panel in views.PANELS[name]])
         if name in self._own_views():
             return _three_channels(self._own_views()[name].read())
+        if name in self.shading.views():
+            return self.shading.read_view(name, self.gbuffer.depth)
         shared = {
             **self._shared(),
             "direct_irradiance": self._direct.irradiance,

@@ -106,6 +106,7 @@ class Sdfddgi:
     """The technique "sdfddgi"."""
 
     name = "sdfddgi"
+    shares_tests = True
 
     def __init__(self, gpu: Gpu, world: World, settings: SdfddgiSettings | None = None) -> None:
         self.gpu, self.world = gpu, world

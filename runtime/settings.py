@@ -59,6 +59,57 @@ class ShadowSettings:
             )
 
 
+class ShadingMode(StrEnum):
+    """How pixels ask the technique for irradiance."""
+
+    FULL = "full"
+    SHARED = "shared"
+
+
+@dataclass(frozen=True)
+class ShadingSettings:
+    """How indirect light comes to the pixels (SDFDDGI, section 3.4).
+
+    mode: `full` asks for every pixel, `shared` for one of 4 x 4 and fills in the rest from those and from the
+    last frame. The rest is about `shared`:
+
+    unit: samples along the side of a square that share tests of visibility, 2 or 4. share_distance: in probe
+    spacings, how near to each other they must be.
+    normal_agreement: smallest cosine between the normals of two points of one surface; slope: how steeply the
+    way between them may leave it, and slack: by how many of the world's start margins at least.
+    filter_width: standard deviation in pixels of the weights of samples around a pixel; normal_exponent: how
+    fast these fall with the cosine between the normals.
+    history_weight: a still pixel is the mean of about so many samples of its own. guess_weight: what an
+    estimate from its neighbours counts among those. clip_margin: how far history may leave the range of the
+    samples around it, in shares of that range.
+    is_counted: tests of visibility are counted on the GPU (`SharedShading.counts`).
+    """
+
+    mode: ShadingMode = ShadingMode.FULL
+    unit: int = 2
+    share_distance: float = 0.25
+    normal_agreement: float = 0.9
+    slope: float = 0.2
+    slack: float = 1.0
+    filter_width: float = 2.0
+    normal_exponent: float = 8.0
+    history_weight: float = 4.0
+    guess_weight: float = 1 / 256
+    clip_margin: float = 0.25
+    is_counted: bool = False
+
+    def __post_init__(self) -> None:
+        if self.unit not in (2, 4):
+            raise ValueError(
+                f"a unit of samples that share has 2 or 4 of them along its side, not {self.unit}"
+            )
+        if not (self.history_weight >= 1 and 0 < self.guess_weight <= 1 and self.filter_width > 0):
+            raise ValueError(
+                "history_weight is 1 or more, guess_weight in (0, 1], filter_width above 0; not "
+                f"{self.history_weight}, {self.guess_weight} and {self.filter_width}"
+            )
+
+
 @dataclass(frozen=True)
 class WorldSettings:
     """How the world is searched. Shares are of the bounding diagonal of the finite primitives.
@@ -103,10 +154,10 @@ class RenderSettings:
     """Everything about a picture but the scene, its lighting and the camera.
 
     size: width and height in pixels. gi: name of the global illumination technique; technique: its own
-    settings, or None for its defaults. glossy: smooth surfaces and metals reflect, else base colour is all
-    diffuse, as in comparisons. contact: light from what is near on the screen, or None. exposure: stops (EV),
-    never automatic. max_texture_size: wider textures are halved until they fit. world: how the primitives
-    are searched.
+    settings, or None for its defaults. shading: how indirect light comes to the pixels. glossy: smooth
+    surfaces and metals reflect, else base colour is all diffuse, as in comparisons. contact: light from what
+    is near on the screen, or None. exposure: stops (EV), never automatic. max_texture_size: wider textures
+    are halved until they fit. world: how the primitives are searched.
     """
 
     size: tuple[int, int] = (640, 360)
@@ -119,6 +170,7 @@ class RenderSettings:
     max_texture_size: int = 2048
     shadows: ShadowSettings = field(default_factory=ShadowSettings)
     world: WorldSettings = field(default_factory=WorldSettings)
+    shading: ShadingSettings = field(default_factory=ShadingSettings)
 
     def __post_init__(self) -> None:
         if not all(1 <= length <= 8192 for length in self.size):

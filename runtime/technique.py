@@ -71,6 +71,8 @@ class Technique(Protocol):
     """
 
     name: str
+    shares_tests: bool
+    """Whether `shaders/<name>/` has its own `light_samples` and `fill_pixels`, where pixels share tests."""
 
     def __init__(self, gpu: Gpu, world: World, settings: Any = None) -> None: ...
 

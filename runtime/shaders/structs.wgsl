@@ -1,6 +1,6 @@
 // Generated from runtime/layouts.py by `python -m runtime.structs`: edit the classes instead.
 
-struct Frame {  // 240 bytes
+struct Frame {  // 320 bytes
     clip_from_local: mat4x4f,           // 0
     previous_clip_from_local: mat4x4f,  // 64
     local_from_view: mat4x4f,           // 128
@@ -11,6 +11,9 @@ struct Frame {  // 240 bytes
     size: vec2u,                        // 224
     orthographic: u32,                  // 232
     near: f32,                          // 236
+    previous_local_from_view: mat4x4f,  // 240
+    previous_extent: vec2f,             // 304
+    previous_depth_map: vec2f,          // 312
 }
 
 struct SkyModel {  // 48 bytes
@@ -56,6 +59,26 @@ struct SurfaceMaterial {  // 48 bytes
     alpha_cutoff: f32,  // 28
     roughness: f32,     // 32
     metallic: f32,      // 36
+}
+
+struct ShadingInfo {  // 36 bytes
+    share_distance: f32,    // 0
+    normal_agreement: f32,  // 4
+    slope: f32,             // 8
+    slack: f32,             // 12
+    filter_width: f32,      // 16
+    normal_exponent: f32,   // 20
+    history_weight: f32,    // 24
+    guess_weight: f32,      // 28
+    clip_margin: f32,       // 32
+}
+
+struct ShadingCounts {  // 20 bytes
+    samples: atomic<u32>,           // 0
+    visibility_tests: atomic<u32>,  // 4
+    join_tests: atomic<u32>,        // 8
+    rings: atomic<u32>,             // 12
+    lookups: atomic<u32>,           // 16
 }
 
 struct Display {  // 8 bytes

@@ -76,7 +76,7 @@ MODULES = sorted(
     p.stem for p in Path(runtime.twins.__file__).parent.glob("*.py") if p.stem not in NOT_LIBRARIES
 )
 
-BOUND = {"candidates", "march", "frame", "light_list", "lights", "emitters", "sight"}
+BOUND = {"candidates", "clear", "march", "frame", "light_list", "lights", "emitters", "sight"}
 """Modules of bound resources, of functions that ask them, and of what they return; tests/gi/test_tracer.py,
 tests/gi/test_emitters.py and tests/runtime hold them to their references.
 """

@@ -86,6 +86,25 @@ fn probe_sky_irradiance(start: vec3f, normal: vec3f) -> vec3f {
     return whole * (free / f32(SKY_RAYS));
 }
 
+// Mean of a cell's probes from the sum of the weighted ones (w: of their weights), or of the ring's where it is nothing;
+// w = 0 where none of those is seen either.
+fn probe_mean(total: vec4f, cell: ProbeCell, start: vec3f, normal: vec3f) -> vec4f {
+    var sum = total;
+    if sum.w < GI_SMALLEST_WEIGHT {
+        sum = probe_ring_irradiance(cell, start, normal);
+    }
+    return select(vec4f(0.0), vec4f(sum.rgb / sum.w, 1.0), sum.w > 0.0);
+}
+
+// The grid's share of the answer, if a probe is seen, and the sky's.
+fn probe_or_sky(mean: vec4f, share: f32, start: vec3f, normal: vec3f) -> vec3f {
+    let total = share * mean;
+    if total.w == 1.0 {
+        return total.rgb;
+    }
+    return total.rgb + (1.0 - total.w) * probe_sky_irradiance(start, normal);
+}
+
 // Of the grid's probes; w = 0 where none is seen.
 fn probe_grid_irradiance(start: vec3f, normal: vec3f) -> vec4f {
     let cell = probe_cell(start);
@@ -101,10 +120,7 @@ fn probe_grid_irradiance(start: vec3f, normal: vec3f) -> vec4f {
             total += seen * vec4f(probe_irradiance(index, normal), 1.0);
         }
     }
-    if total.w < GI_SMALLEST_WEIGHT {
-        total = probe_ring_irradiance(cell, start, normal);
-    }
-    return select(vec4f(0.0), vec4f(total.rgb / total.w, 1.0), total.w > 0.0);
+    return probe_mean(total, cell, start, normal);
 }
 
 fn gi_irradiance(position: vec3f, normal: vec3f, view: vec3f) -> vec3f {
@@ -112,15 +128,12 @@ fn gi_irradiance(position: vec3f, normal: vec3f, view: vec3f) -> vec3f {
     if start.w == 0.0 {
         return vec3f(0.0);
     }
-    var total = vec4f(0.0);
+    var mean = vec4f(0.0);
     let share = probe_share(start.xyz);
     if share > 0.0 {
-        total = share * probe_grid_irradiance(start.xyz, normal);
+        mean = probe_grid_irradiance(start.xyz, normal);
     }
-    if total.w < 1.0 {
-        total += (1.0 - total.w) * vec4f(probe_sky_irradiance(start.xyz, normal), 1.0);
-    }
-    return total.rgb;
+    return probe_or_sky(mean, share, start.xyz, normal);
 }
 
 // One of the eight probes, drawn by the same weights: its expected value is gi_irradiance, at about an eighth of the
