@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fit.glow import Glow, alpha_cutoffs
+from fit.lamps import lamp_of
 from fit.light import EvenLight
 from fit.openings import reflected_shares
 from fit.primitives import Kind, PrimitiveSet, shared_face_colors
 from fit.scene import Float64, Scene
 from fit.sdf import distance, primitive_face, sample_boundary, union_distance
+from fit.shapes import Shapes, no_shapes
 from fit.spaces import Air
 from fit.surface import colors
 from fit.targets import Seen
@@ -34,7 +36,14 @@ _EXPOSURE_SAMPLES = 4_000
 
 
 def color(
-    primitives: PrimitiveSet, scene: Scene, air: Air, seen: Seen, glow: Glow, *, seed: int = 0
+    primitives: PrimitiveSet,
+    scene: Scene,
+    air: Air,
+    seen: Seen,
+    glow: Glow,
+    *,
+    lamps: Shapes | None = None,
+    seed: int = 0,
 ) -> PrimitiveSet:
     """The set with the textured linear colours of the surface near each face.
 
@@ -44,7 +53,8 @@ def color(
     alpha cuts a hole, nothing reflects a colour and nothing emits.
 
     A face emits the light of the lamps that it stands for, spread over what air touches of the face, and
-    never brighter than they are; a face that stands for no lamp emits nothing.
+    never brighter than they are; a face that stands for no lamp emits nothing. `lamps`: what the first
+    primitives are made for; their light is these primitives' alone.
 
     A face that shuts an opening gets as dark as that looks (`fit.openings`).
     """
@@ -55,7 +65,7 @@ def color(
     shown = alpha >= alpha_cutoffs(scene)[air.walls.material[samples.triangle]]
     albedo = np.clip(albedo, 0.0, 1.0)
     means = _albedo(primitives, air, seen, albedo, shown)
-    emission = _emission(primitives, glow, air, seed)
+    emission = _emission(primitives, glow, lamps or no_shapes(), air, seed)
     painted = replace(
         primitives,
         albedo=shared_face_colors(primitives.kinds, means),
@@ -83,10 +93,11 @@ def _albedo(
     return _shared(primitives, _ratio(sums, mass, own_mean[:, None]))
 
 
-def _emission(primitives: PrimitiveSet, glow: Glow, air: Air, seed: int) -> Float64:
+def _emission(primitives: PrimitiveSet, glow: Glow, lamps: Shapes, air: Air, seed: int) -> Float64:
     if len(glow) == 0:
         return np.zeros((len(primitives), 6, 3))
-    owner = nearest_primitive(primitives, glow.points, glow.normals, air.cell)
+    lamp = lamp_of(lamps, glow.points, air.cell)
+    owner = np.where(lamp >= 0, lamp, nearest_primitive(primitives, glow.points, glow.normals, air.cell))
     slot = face_slots(primitives, owner, facing(primitives, owner, glow.points, glow.normals)[0])
     flux = _sums(glow.flux, slot, len(primitives))
     area = _sums(glow.areas[:, None], slot, len(primitives))

@@ -29,7 +29,8 @@ from fit.close import close_leaks
 from fit.color import color
 from fit.fit_parts import fit_parts
 from fit.glow import find_glow
-from fit.keep import emissive_parts, skip_small_parts
+from fit.keep import skip_small_parts
+from fit.lamps import emissive_parts, uncover
 from fit.measure import Metrics, PrimitiveError, measure, measure_each, place_probes
 from fit.notes import notes_on_result
 from fit.objective import Targets, error, set_distances
@@ -161,8 +162,9 @@ def _fit_whole(
                 close_leaks(shapes, judge, cell=air.cell, free=free, steps=LAST_STEPS, kinds=settings.kinds),
                 shapes,
             )
+        shapes = uncover(shapes, len(fixed), glow, air)
         uncolored = to_primitives(shapes, planes="plane" in settings.kinds)
-        primitives = color(uncolored, scene, air, seen, glow, seed=settings.seed)
+        primitives = color(uncolored, scene, air, seen, glow, lamps=fixed, seed=settings.seed)
     with stages("measure"):
         probes = place_probes(surface, air, settings.seed)
         volumes = compare_volumes(primitives, air.walls, air)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ import trimesh
 from fit.air import find_air
 from fit.color import color
 from fit.glow import find_glow
-from fit.keep import emissive_parts
+from fit.lamps import emissive_parts, uncover
 from fit.objective import Targets, error
 from fit.paint import paint
 from fit.palette import Palette, color_cost, find_palette
@@ -209,6 +209,53 @@ def test_a_small_lamp_flush_in_the_ceiling_is_kept_and_emits_downwards_alone() -
     assert power == pytest.approx(np.array(light) * 0.006, rel=0.15)
     assert lit.emission[0, shining ^ 1].max() == 0, "nobody sees its back"
     assert lit.emission[1:].max() == 0, "the ceiling emits nothing"
+
+
+def ceiling_lamp(*, shade: bool = False) -> tuple[Look, Shapes]:
+    room = Room()
+    north(room, -2, 2, 0, 3, WHITE)
+    if shade:
+        room.quad((-0.5, 2.95, -0.4), (1, 0, 0), (0, 0, 0.8), WHITE)
+    room.quad((-0.4, 3, -0.3), (0.8, 0, 0), (0, 0, 0.6), emission=(30.0, 20.0, 10.0))
+    look = room.look()
+    parts = split(look.scene, look.air.walls)
+    return look, emissive_parts(find_glow(look.scene, look.air), look.air, parts, 4)
+
+
+def below_the_lamp(shapes: Shapes) -> float:
+    """How far under the ceiling the lamp ends."""
+    lamp = to_primitives(shapes.select(slice(0, 1)))
+    return 3.0 - float(lamp.bounds()[0][1])
+
+
+def test_a_lamp_grows_out_of_the_slab_that_covers_it() -> None:
+    """The ceiling was fitted 3 cm too low."""
+    look, lamp = ceiling_lamp()
+    room = slabs()
+    low = replace(room, centers=room.centers - np.array([[0, 0.03, 0]] + [[0, 0, 0]] * 5))
+    covered = join([lamp, low])
+    assert below_the_lamp(covered) < 0.03
+    mended = uncover(covered, 1, find_glow(look.scene, look.air), look.air)
+    assert 0.03 < below_the_lamp(mended) < 0.04
+    glow = find_glow(look.scene, look.air)
+    lit = color(to_primitives(mended), look.scene, look.air, look.seen, glow, lamps=lamp)
+    power = (lit.emission[0] * lit.face_areas()[0][:, None]).sum(axis=0)
+    assert power == pytest.approx(np.array([30.0, 20.0, 10.0]) * 0.48, rel=0.15)
+    assert lit.emission[1:].max() == 0, "the slab takes none of the lamp's light"
+
+
+def test_a_lamp_stays_as_it_is_behind_a_bar_a_deep_cover_and_a_shade_of_the_scene() -> None:
+    look, lamp = ceiling_lamp()
+    bar = make_shapes(Kind.BOX, np.array([[0, 2.98, 0.0]]), np.eye(3), np.array([0.02, 0.05, 0.4]))
+    deep = make_shapes(Kind.BOX, np.array([[0, 2.7, 0.0]]), np.eye(3), np.array([1.0, 0.5, 1.0]))
+    shade = make_shapes(Kind.BOX, np.array([[0, 2.95, 0.0]]), np.eye(3), np.array([0.5, 0.01, 0.4]))
+    shaded, _ = ceiling_lamp(shade=True)
+    for seen, cover in ((look, bar), (look, deep), (shaded, shade)):
+        shapes = join([lamp, slabs(), cover])
+        kept = uncover(shapes, 1, find_glow(seen.scene, seen.air), seen.air)
+        assert below_the_lamp(kept) == below_the_lamp(shapes)
+    open_shade = uncover(join([lamp, slabs(), shade]), 1, find_glow(look.scene, look.air), look.air)
+    assert below_the_lamp(open_shade) > 0.06, "nothing in the scene stands there"
 
 
 def test_a_bulb_in_a_box_gives_as_much_light_as_the_bulb() -> None:
