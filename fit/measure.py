@@ -115,6 +115,7 @@ def place_probes(surface: Surface, air: Air, seed: int = 0) -> Probes:
     They are others than those that a fit of the same seed looks at.
     """
     seed += _OWN_POINTS
+    surface = surface.walls()
     samples = sample_surface(surface, SURFACE_SAMPLES, seed)
     touched = air.touches(samples.points, samples.normals) != 0
     points, distance = air.random_points_and_distances(AIR_POINTS, seed)

@@ -14,6 +14,7 @@ import numpy as np
 
 from fit.air import LostSeed, find_air, parse_seed
 from fit.apart import Body, budgets, find_bodies, settings_of
+from fit.backdrop import backdrop_notes
 from fit.build import STEPS, Enough, Scope, build
 from fit.canonical import (
     Pose,
@@ -180,7 +181,10 @@ def _fit_whole(
     return Fit(
         placed, turned, outer, lengths, volumes.in_units(pose.unit),
         tuple(world_lengths(one, pose) for one in errors), _in_metres(skipped, pose.unit), stages.seconds,
-        (*filter(None, [unmended]), *notes_on_result(placed, lengths, settings, reached), *outer.notes()),
+        (
+            *filter(None, [unmended]), *backdrop_notes(scene),
+            *notes_on_result(placed, lengths, settings, reached), *outer.notes(),
+        ),
     )  # fmt: skip
 
 

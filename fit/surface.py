@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from fit.backdrop import find_backdrops
 from fit.scene import AlphaMode, Float64, Image, Material, Mesh, Scene, TextureUse, Wrap, transform_points
 
 Int32 = NDArray[np.int32]
@@ -30,7 +31,8 @@ class Surface:
     normals (t, 3) float64, unit, geometric, to the front; areas (t,) float64;
     instance, mesh, material (t,) int32: indices into the scene's tuples; triangle (t,) int32: row of
     the mesh's `triangles`; is_wall (t,) bool: False where the face is seen through (alpha-blended under
-    alpha 0.5, or transmissive), a face masked by alpha is a wall as a whole; double_sided (t,) bool.
+    alpha 0.5, or transmissive) or is of a backdrop, a face masked by alpha is a wall as a whole;
+    double_sided (t,) bool.
     """
 
     vertices: Float64
@@ -96,6 +98,7 @@ def from_triangles(vertices: Float64, *, double_sided: bool = False) -> Surface:
 
 def from_scene(scene: Scene) -> Surface:
     """Every drawn triangle of the scene in world space; those of zero area are left out."""
+    backdrops = find_backdrops(scene)
     parts = [_instance_surface(scene, i) for i in range(len(scene.instances))]
     if not parts:
         return from_triangles(np.zeros((0, 3, 3)))
@@ -104,6 +107,8 @@ def from_scene(scene: Scene) -> Surface:
         joined[name] = np.concatenate([getattr(part, name) for part in parts])
         for part in parts:  # gives each piece back as soon as it is copied: millions of triangles
             object.__setattr__(part, name, None)
+    if backdrops:
+        joined["is_wall"] &= ~np.isin(joined["instance"], backdrops)
     return Surface(**joined)
 
 
