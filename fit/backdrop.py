@@ -37,11 +37,16 @@ def find_backdrops(scene: Scene) -> tuple[int, ...]:
 
 def backdrop_notes(scene: Scene) -> tuple[str, ...]:
     """What the report says of the backdrops that are left out."""
-    names = [scene.nodes[scene.instances[i].node].name or _mesh(scene, i).name for i in find_backdrops(scene)]
+    names = [_name(scene, i) for i in find_backdrops(scene)]
     return tuple(
         f"{name!r} is unlit and surrounds all else from afar: it counts as a picture of the sky, no wall"
         for name in names
     )
+
+
+def _name(scene: Scene, instance: int) -> str:
+    node = scene.instances[instance].node
+    return (scene.nodes[node].name if node >= 0 else "") or _mesh(scene, instance).name
 
 
 def _mesh(scene: Scene, instance: int) -> Mesh:

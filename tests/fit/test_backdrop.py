@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,3 +74,10 @@ def test_the_report_says_what_was_left_out():
     (note,) = backdrop_notes(scene_of((HOUSE, False), (DOME, True)))
     assert "'node 1'" in note and "sky" in note
     assert backdrop_notes(scene_of((HOUSE, False))) == ()
+
+
+def test_a_backdrop_without_a_node_is_called_by_its_mesh():
+    scene = scene_of((HOUSE, False), (DOME, True))
+    placed = tuple(replace(instance, node=-1) for instance in scene.instances)
+    (note,) = backdrop_notes(replace(scene, instances=placed, nodes=()))
+    assert note.startswith("'1' is unlit")
