@@ -280,7 +280,8 @@ def show(report: dict[str, Any], settings: ConvertSettings, terminal: Terminal) 
     terminal.table(["name", "status", "set", "bytes", *SHOWN_METRICS, "seconds", "MiB"], rows)
     for row in report["assets"]:
         if row["error"]:
-            terminal.line(f"failed   {row['source']}: {row['error']}")
+            source = f"{row['source']}: "
+            terminal.line(f"failed   {source}{row['error'].removeprefix(source)}")
     for row in report["assets"]:
         for note in row["notes"][:MOST_NOTES]:
             terminal.line(f"note     {row['name']}: {note}")

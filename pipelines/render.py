@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +12,14 @@ import numpy as np
 from fit.motion import posed
 from pipelines.animate import AT_REST, TimeOptions, numbered, play
 from pipelines.console import Terminal, Update
-from pipelines.convert import ConvertSettings, describe_fit, describe_primitives, fit_scene, require_file
+from pipelines.convert import (
+    ConvertSettings,
+    describe_fit,
+    describe_primitives,
+    fit_scene,
+    make_folder,
+    require_file,
+)
 from pipelines.documents import report_header
 from pipelines.errors import UsageError
 from pipelines.gi_presets import GiPreset, find_preset
@@ -186,10 +192,9 @@ def check(settings: PictureSettings) -> None:
         raise UsageError(f"-o {settings.output}: end the name in .png or .exr")
     if settings.aov and suffix != ".exr":
         raise UsageError(f"--aov writes its layers into an EXR: -o {settings.output.with_suffix('.exr')}")
-    if not settings.output.parent.is_dir():
-        raise UsageError(f"-o {settings.output}: there is no folder {settings.output.parent}; make it first")
-    if settings.output.is_dir() or not os.access(settings.output.parent, os.W_OK | os.X_OK):
-        raise UsageError(f"-o {settings.output}: nothing may be written there; name another file")
+    if settings.output.is_dir():
+        raise UsageError(f"-o {settings.output} is a folder: name a file")
+    make_folder(settings.output.parent)
     if settings.presets is not None and settings.quality is None:
         raise UsageError(f"--presets {settings.presets}: say which of them by --quality")
     if settings.preset is not None and settings.gi in REFERENCES:

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipelines.console import Terminal, Update
-from pipelines.convert import ConvertSettings, check_air, describe_primitives, fit_scene, require_file
+from pipelines.convert import (
+    ConvertSettings,
+    check_air,
+    describe_primitives,
+    fit_scene,
+    make_folder,
+    require_file,
+)
 from pipelines.cuts import AXES, GAP, MOST_REJECTED, Cut, cut_scene, draw_cuts, pixel_size
 from pipelines.documents import report_header
 from pipelines.errors import UsageError
@@ -84,8 +91,7 @@ def check(settings: SlicesSettings) -> None:
         parse_numbers("--at", settings.at, "x,y,z")
     if settings.output.suffix.lower() != ".png":
         raise UsageError(f"-o {settings.output}: end the name in .png")
-    if not settings.output.parent.is_dir():
-        raise UsageError(f"-o {settings.output}: there is no folder {settings.output.parent}; make it first")
+    make_folder(settings.output.parent)
     if not 0 < settings.scale < float("inf"):
         raise UsageError(f"--scale {settings.scale}: give a number above zero")
     if not 300 <= settings.width <= 8192:

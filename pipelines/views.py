@@ -85,7 +85,7 @@ def choose_view(option: str | None, scene: Scene, aspect: float, air: Air | None
     views = named_views(scene.source)
     if option in views:
         return View(_placed(parse_camera(views[option].camera), scene), f"the named view {option!r}")
-    raise UsageError(f"--camera {option}: {_known(scene, views)}; or give x,y,z,tx,ty,tz,fov")
+    raise UsageError(f"--camera {option}: {_known(scene, views)}; you may give x,y,z,tx,ty,tz,fov")
 
 
 def _known(scene: Scene, views: dict[str, NamedView]) -> str:

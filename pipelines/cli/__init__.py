@@ -58,7 +58,8 @@ def execute(arguments: Sequence[str]) -> int:
         terminal.error(_missing(error))
         return BAD_USAGE
     except cyclopts.CycloptsError as error:
-        terminal.error(f"{str(error).strip()} (sdfprim --help lists what there is)")
+        command = " ".join(("sdfprim", *(error.command_chain or ())))
+        terminal.error(f"{str(error).strip()} ({command} --help lists what there is)")
         return BAD_USAGE
     except UsageError as error:
         terminal.error(str(error))

@@ -16,6 +16,7 @@ from fit.primitives import PrimitiveSet, make_box
 from fit.scene import Scene
 from fit.spaces import AirSpace
 from pipelines.errors import UsageError
+from pipelines.render import PictureSettings, check
 from pipelines.studio import LightingOptions, Studio
 from pipelines.views import choose_view
 from runtime.images import read_layers
@@ -59,6 +60,15 @@ def test_png_and_report(render: Callable[..., Any], tmp_path: Path) -> None:
     assert any("sun" in line for line in report["lights"])
     assert {"primary/draw_gbuffer", "direct/light_pixels"} <= set(report["passes_ms"])
     assert isinstance(report["software_adapter"], bool)
+
+
+def test_the_folder_of_a_picture_is_made(wall: Path, tmp_path: Path) -> None:
+    picture = tmp_path / "frames" / "day" / "noon.png"
+    check(PictureSettings(wall, picture))
+    assert picture.parent.is_dir()
+    with pytest.raises(UsageError, match="is a folder"):
+        (tmp_path / "taken.png").mkdir()
+        check(PictureSettings(wall, tmp_path / "taken.png"))
 
 
 def test_exposure_scales_the_png_and_not_the_exr(render: Callable[..., Any], tmp_path: Path) -> None:
