@@ -15,7 +15,7 @@ from fit.scene import Scene
 from runtime.contact_settings import ContactForm, ContactSettings
 from runtime.device import Gpu
 from runtime.encoder import Recorder
-from runtime.kernel import Kernel, Resource
+from runtime.kernel import Kernel
 from runtime.resources import Buffer, PingPong, Texture
 from runtime.structs import GpuStruct, f32, u32, vec2u
 from runtime.views import Channel, Readable
@@ -81,11 +81,11 @@ class Contact:
         walks = {"contact_sources": sources, "contact_gathered": gathered}
         if self.settings.form is ContactForm.CONSERVING:
             walks["probe_irradiance"] = probes
-        self._dispatch(
+        self._light.dispatch_pass(
             rec,
-            self._light,
             self._size,
             shared,
+            contact=self._info,
             direct_irradiance=direct,
             probe_irradiance=probes,
             contact_history=history,
@@ -93,23 +93,23 @@ class Contact:
             contact_sources=sources,
             contact_moved=moved,
         )
-        self._dispatch(rec, self._walk, self._size, shared, **walks)
-        self._dispatch(
+        self._walk.dispatch_pass(rec, self._size, shared, contact=self._info, **walks)
+        self._denoise.dispatch_pass(
             rec,
-            self._denoise,
             self._size,
             shared,
+            contact=self._info,
             contact_gathered=gathered,
             contact_sources=sources,
             contact_moved=moved,
             contact_denoised=denoised,
             contact_frames=self._frames.current,
         )
-        self._dispatch(
+        self._apply.dispatch_pass(
             rec,
-            self._apply,
             self._picture,
             shared,
+            contact=self._info,
             probe_irradiance=probes,
             contact_denoised=denoised,
             indirect_irradiance=self.irradiance,
@@ -134,17 +134,6 @@ class Contact:
         """Bytes on the GPU."""
         texels, pixels = int(np.prod(self._size)), int(np.prod(self._picture))
         return texels * (2 * 8 + 3 * 16 + 2 * 4) + pixels * 16 + self._info.size
-
-    def _dispatch(
-        self,
-        rec: Recorder,
-        kernel: Kernel,
-        size: tuple[int, int],
-        shared: Mapping[str, Any],
-        **own: Resource,
-    ) -> None:
-        with rec.compute(kernel.name) as compute_pass:
-            kernel.dispatch(compute_pass, kernel.groups_for(*size), shared, contact=self._info, **own)
 
     def _write_info(self, index: int) -> None:
         s = self.settings

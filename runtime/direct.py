@@ -147,12 +147,6 @@ class DirectLight:
         frame: Mapping[str, Resource],
     ) -> None:
         """Fills `irradiance`, W/m2."""
-        with rec.compute(self._kernel.name) as compute_pass:
-            self._kernel.dispatch(
-                compute_pass,
-                self._kernel.groups_for(*self._size),
-                world,
-                frame,
-                gbuffer.bindings(),
-                pixel_irradiance=self.irradiance,
-            )
+        self._kernel.dispatch_pass(
+            rec, self._size, world, frame, gbuffer.bindings(), pixel_irradiance=self.irradiance
+        )

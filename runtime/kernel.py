@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import wgpu
@@ -14,6 +14,9 @@ from runtime.binding import Resource, layout_entry, mismatch
 from runtime.device import Gpu
 from runtime.resources import Buffer
 from runtime.wgsl import Binding, WgslError
+
+if TYPE_CHECKING:
+    from runtime.encoder import Recorder
 
 __all__ = ["MAX_WORKGROUPS", "Kernel", "RasterKernel", "Resource", "compile_module", "vertex_layouts"]
 
@@ -140,6 +143,19 @@ class Kernel(_Program):
         compute_pass.set_pipeline(self.pipeline)
         self._bind(compute_pass, shared, bindings)
         compute_pass.dispatch_workgroups(x, y, z)
+
+    def dispatch_pass(
+        self,
+        rec: Recorder,
+        size: Sequence[int],
+        /,
+        *shared: Mapping[str, Resource],
+        **bindings: Resource,
+    ) -> None:
+        """A compute pass of its own under the kernel's name, an invocation for each of `size`; see
+        `dispatch`."""
+        with rec.compute(self.name) as compute_pass:
+            self.dispatch(compute_pass, self.groups_for(*size), *shared, **bindings)
 
     def dispatch_indirect(
         self,

@@ -119,7 +119,7 @@ class FullShading:
 
     def record(self, rec: Recorder, shared: Shared) -> None:
         """One dispatch."""
-        _dispatch(rec, self._gather, self.irradiance.size, shared, pixel_irradiance=self.irradiance)
+        self._gather.dispatch_pass(rec, self.irradiance.size, shared, pixel_irradiance=self.irradiance)
 
     def views(self) -> tuple[str, ...]:
         return ()
@@ -168,12 +168,13 @@ class SharedShading:
         bound = {**shared, "shading": self._info, "counts": self._counts}
         half, samples, light = self._half_pixels, self._sample_pixels, self._sample_light
         starts, history = {"sample_starts": self._sample_starts}, {"history": self._irradiance.previous}
-        _dispatch(rec, self._reduce, half.size, bound, half_pixels=half)
-        _dispatch(rec, self._choose, samples.size, bound, half_pixels=half, sample_pixels=samples)
-        _dispatch(rec, self._light, samples.size, bound | starts, sample_pixels=samples, sample_light=light)
-        _dispatch(
+        self._reduce.dispatch_pass(rec, half.size, bound, half_pixels=half)
+        self._choose.dispatch_pass(rec, samples.size, bound, half_pixels=half, sample_pixels=samples)
+        self._light.dispatch_pass(
+            rec, samples.size, bound | starts, sample_pixels=samples, sample_light=light
+        )
+        self._upsample.dispatch_pass(
             rec,
-            self._upsample,
             self.irradiance.size,
             bound | history,
             sample_pixels=samples,
@@ -267,11 +268,6 @@ def _lookups(gpu: Gpu, settings: ShadingSettings, technique: Technique) -> tuple
         Kernel(gpu, f"{technique.name}/light_samples", constants={"UNIT": settings.unit, **counted}),
         Kernel(gpu, f"{technique.name}/fill_pixels", constants=counted),
     )
-
-
-def _dispatch(rec: Recorder, kernel: Kernel, size: tuple[int, ...], shared: Shared, **own: Any) -> None:
-    with rec.compute(kernel.name) as compute_pass:
-        kernel.dispatch(compute_pass, kernel.groups_for(*size[:2]), shared, **own)
 
 
 def _depths(packed: NDArray[np.uint32], depth: NDArray[np.float32]) -> NDArray[np.float32]:

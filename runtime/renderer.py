@@ -242,17 +242,14 @@ class Renderer:
         if self._glossy is not None:
             self._glossy.record(rec, self._shared(), self._direct.irradiance, self._indirect, self._radiance)
             return
-        self._dispatch(
+        self._combine.dispatch_pass(
             rec,
-            self._combine,
+            self.settings.size,
+            self._shared(),
             direct_irradiance=self._direct.irradiance,
             indirect_irradiance=self._indirect,
             radiance=self._radiance,
         )
-
-    def _dispatch(self, rec: Recorder, kernel: Kernel, **own: Resource) -> None:
-        with rec.compute(kernel.name) as compute_pass:
-            kernel.dispatch(compute_pass, kernel.groups_for(*self.settings.size), self._shared(), **own)
 
     def _frame_bindings(self) -> dict[str, Resource]:
         """Group 3: frame, sky, lights."""
