@@ -6,6 +6,7 @@ import package::contact::compose::{contact_compose};
 import package::contact::info::{contact, contact_distance, contact_pixel, contact_place};
 import package::lib::brdf::{brdf_lambert};
 import package::lib::frame::{frame};
+import package::lib::half::{HALF_BOUND};
 import package::primary::gbuffer::{gbuffer_albedo, gbuffer_depth, gbuffer_emission, gbuffer_motion, gbuffer_normal};
 import package::primary::previous::{previous_depth, previous_normal};
 
@@ -26,9 +27,6 @@ import package::primary::previous::{previous_depth, previous_normal};
 // between their normals. An object that comes or goes is found by its motion, as far as it turns by less than that.
 const SAME_DISTANCE: f32 = 0.05;
 const SAME_NORMAL: f32 = 0.8;
-
-// Half floats end at 65504.
-const LARGEST: f32 = 6.0e4;
 
 struct Past {
     gathered: vec4f,
@@ -92,6 +90,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let direct = textureLoad(direct_irradiance, pixel, 0).rgb;
     let reflected = brdf_lambert(textureLoad(gbuffer_albedo, pixel, 0).rgb, direct + indirect);
     let radiance = reflected + textureLoad(gbuffer_emission, pixel, 0).rgb;
-    textureStore(contact_sources, id.xy, vec4f(min(radiance, vec3f(LARGEST)), past.frames));
+    textureStore(contact_sources, id.xy, vec4f(min(radiance, vec3f(HALF_BOUND)), past.frames));
     textureStore(contact_moved, id.xy, past.gathered);
 }

@@ -9,15 +9,13 @@ import package::contact::slices::{
     slice_through,
 };
 import package::lib::frame::{frame};
+import package::lib::half::{HALF_BOUND};
 import package::lib::horizon::{HORIZON_HALF_PI, horizon_share};
 import package::lib::random::{PI};
 import package::primary::gbuffer::{gbuffer_depth};
 
 @group(0) @binding(9) var contact_sources: texture_2d<f32>;
 @group(0) @binding(10) var contact_gathered: texture_storage_2d<rgba16float, write>;
-
-// Half floats end at 65504.
-const LARGEST: f32 = 6.0e4;
 
 // Area of a surface that one pixel shows, square metres.
 fn pixel_area(met: Met, position: vec3f) -> f32 {
@@ -84,7 +82,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             weights += slice.weight;
         }
         // Each slice has its own part of the ring already; openness is a mean over slices, around an open one's 1.
-        gathered = vec4f(min(total.rgb, vec3f(LARGEST)), 1.0 - (weights - total.w) / f32(contact.slices));
+        gathered = vec4f(min(total.rgb, vec3f(HALF_BOUND)), 1.0 - (weights - total.w) / f32(contact.slices));
     }
     textureStore(contact_gathered, id.xy, gathered);
 }

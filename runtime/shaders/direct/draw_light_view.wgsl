@@ -4,6 +4,7 @@
 
 import package::structs::{Light};
 import package::lib::brdf::{brdf_lambert};
+import package::lib::half::{HALF_LARGEST};
 import package::lib::normal::{normal_pack};
 import package::lib::punctual::{punctual_attenuation, punctual_direction};
 import package::primary::surface::{
@@ -25,9 +26,6 @@ struct Texels {
     @location(0) normal: u32,
     @location(1) radiance: vec4f,
 }
-
-// The largest finite 16-bit float.
-const LARGEST_HALF = 65504.0;
 
 @vertex
 fn vertex_main(vertex: Vertex) -> Varyings {
@@ -52,6 +50,6 @@ fn fragment_main(varyings: Varyings) -> Texels {
     }
     let normal = surface_shading_normal(varyings.normal, face_normal);
     let irradiance = max(dot(normal, towards), 0.0) * punctual_attenuation(light, varyings.position);
-    let radiance = min(brdf_lambert(base_color.rgb, vec3f(irradiance)), vec3f(LARGEST_HALF));
+    let radiance = min(brdf_lambert(base_color.rgb, vec3f(irradiance)), vec3f(HALF_LARGEST));
     return Texels(normal_pack(face_normal), vec4f(radiance, 1.0));
 }

@@ -3,6 +3,7 @@
 
 import package::lib::brdf::{brdf_lambert};
 import package::lib::frame::{frame, frame_position, frame_towards_viewer};
+import package::lib::half::{HALF_BOUND};
 import package::lib::sky::{sky_radiance};
 import package::paths::lamps::{lamps_irradiance};
 import package::primary::gbuffer::{gbuffer_depth, gbuffer_normal};
@@ -15,12 +16,9 @@ import package::tracer::sights::{sight_along, sight_start};
 
 const NO_MIRROR: f32 = -1.0;
 
-// Half floats end at 65504.
-const LARGEST: f32 = 6.0e4;
-
 fn mirror_depth(position: vec3f, reflected: f32) -> f32 {
     let whole = reflected + distance(position, frame.local_from_view[3].xyz);
-    return min(reflected / select(whole, 1.0, frame.orthographic != 0u), LARGEST);
+    return min(reflected / select(whole, 1.0, frame.orthographic != 0u), HALF_BOUND);
 }
 
 fn mirrored(pixel: vec2u) -> vec4f {
@@ -37,12 +35,12 @@ fn mirrored(pixel: vec2u) -> vec4f {
     let direction = reflect(-frame_towards_viewer(position), normal);
     let seen = sight_along(start.xyz, direction, 1e30);
     if !seen.is_hit {
-        return vec4f(min(sky_radiance(direction), vec3f(LARGEST)), mirror_depth(position, seen.t));
+        return vec4f(min(sky_radiance(direction), vec3f(HALF_BOUND)), mirror_depth(position, seen.t));
     }
     let direct = lamps_irradiance(seen.position, seen.normal);
     let indirect = gi_irradiance(seen.position, seen.normal, -direction);
     let radiance = seen.emission + brdf_lambert(seen.albedo, direct + indirect);
-    return vec4f(min(radiance, vec3f(LARGEST)), mirror_depth(position, seen.t));
+    return vec4f(min(radiance, vec3f(HALF_BOUND)), mirror_depth(position, seen.t));
 }
 
 @compute @workgroup_size(8, 8)

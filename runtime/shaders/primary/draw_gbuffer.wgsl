@@ -1,6 +1,7 @@
 // The scene's triangles into the G-buffer. Every face has two sides: its normals are turned to the viewer.
 
 import package::lib::frame::{frame, frame_towards_viewer};
+import package::lib::half::{HALF_LARGEST};
 import package::lib::normal::{normal_pack};
 import package::primary::surface::{
     Vertex, surface_base_color, surface_emission, surface_face_normal, surface_is_cut, surface_normal,
@@ -24,9 +25,6 @@ struct Texels {
     @location(2) emission: vec4f,
     @location(3) motion: vec4f,
 }
-
-// The largest finite 16-bit float: a brighter emission is stored as this.
-const LARGEST_HALF = 65504.0;
 
 @vertex
 fn vertex_main(vertex: Vertex) -> Varyings {
@@ -66,7 +64,7 @@ fn fragment_main(varyings: Varyings) -> Texels {
     var texels: Texels;
     texels.normals = vec2u(normal_pack(normal), normal_pack(face_normal));
     texels.albedo = vec4f(base_color.rgb, roughness.x);
-    texels.emission = vec4f(min(emission, vec3f(LARGEST_HALF)), roughness.y);
+    texels.emission = vec4f(min(emission, vec3f(HALF_LARGEST)), roughness.y);
     texels.motion = motion_of(varyings.clip, varyings.previous_clip);
     return texels;
 }
